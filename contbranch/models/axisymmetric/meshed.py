@@ -169,9 +169,9 @@ class MeshedContact(MovingContact):
                 return state, problem.following(rate, state, p, p_rate)
 
         if front is None is self.front:
-            transfer = self.equations.mesh.sampler(problem.equations.mesh.nodes)
+            transfer = self.mesh.sampler(problem.mesh.nodes)
         elif not self.creases and (front is self.front or (self.moves and self._as_moved(front))):
-            sampler, n = self.equations.mesh.sampler(problem.equations.mesh.nodes), self.size
+            sampler, n = self.mesh.sampler(problem.mesh.nodes), self.size
 
             def transfer(vector: Array) -> Array:
                 return np.append(sampler(vector[:n]), vector[n:])
@@ -248,7 +248,7 @@ class MeshedContact(MovingContact):
 
     def told(self, coarse: Self) -> slice:
         """Nodes at which a coarser mesh's panels tell the solution: not next to an edge, where it ends like a root."""
-        mesh, own = coarse.equations.mesh, self.equations.mesh
+        mesh, own = coarse.mesh, self.mesh
         return slice(int(np.searchsorted(own.nodes, mesh.edges[-2])) if own.bounded else None)
 
     def _fronted(self, x: Array, p: float) -> Front | Edge | None:
@@ -268,7 +268,7 @@ class MeshedContact(MovingContact):
             steps = 1.0 if isinstance(found, Edge) else OF_ITS_OWN
         known = creases_of(equations.mesh, fields, narrow, unit * found.place, followed, steps)
         stay = same and {crease.key for crease in known} == {crease.key for crease in own}
-        if stay and not (own and shortened(self.equations.mesh, now.edges) < SHORTER):
+        if stay and not (own and shortened(self.mesh, now.edges) < SHORTER):
             return found if found.creases is own else replace(found, creases=own)
         return replace(found, creases=tuple(crease.stretched(1 / unit, weight) for crease in known))
 
@@ -296,15 +296,15 @@ class MeshedContact(MovingContact):
                 equations, x = self.placed(x), np.append(x[: n + 1], np.zeros(len(front.creases)))
             return replace(self, equations=equations, front=front), x
         still, h = self.still(x)
-        edges, ends = still.equations.mesh.edges, isinstance(front, Edge)
+        edges, ends = still.mesh.edges, isinstance(front, Edge)
         if ends or isinstance(front, Kink) or isinstance(self.front, Edge):
             if isinstance(front, Edge):
-                edges = edges[:-1] if still.equations.mesh.bounded else edges[edges < INSIDE * front.place]
+                edges = edges[:-1] if still.mesh.bounded else edges[edges < INSIDE * front.place]
                 edges = np.append(edges, front.place)
             elif isinstance(front, Kink):
-                edges = front.joined(still.equations.mesh, still.fields(h, p))
+                edges = front.joined(still.mesh, still.fields(h, p))
             mesh = mesh_on(edges, self.resolution.order, bounded=ends)
-            h = still.equations.mesh.interpolate(h, mesh.nodes)
+            h = still.mesh.interpolate(h, mesh.nodes)
             still = still.on_mesh(mesh)
         if front is None:
             return still, h
@@ -340,7 +340,7 @@ class MeshedContact(MovingContact):
         mesh = equations.mesh
         if mesh.bounded:
             return float(mesh.end)
-        front = self.front.place / self.equations.mesh.end if isinstance(self.front, Front) else 0.0
+        front = self.front.place / self.mesh.end if isinstance(self.front, Front) else 0.0
         return max(needed_reach(equations, fields, tolerance), front * float(mesh.end))
 
     def on(
@@ -398,7 +398,7 @@ class MeshedContact(MovingContact):
         return best
 
     def _all_halved(self) -> Self:
-        mesh = self.equations.mesh
+        mesh = self.mesh
         edges = np.union1d(mesh.edges, cuts(mesh.edges, mesh.bounded))
         return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
 
@@ -408,16 +408,16 @@ class MeshedContact(MovingContact):
             raise TypeError(f"{type(other).__name__} is not a MeshedContact")
         front, n = other.front, self.size
         if front == self.front and not self.creases:
-            return np.append(self.equations.mesh.interpolate(vector[:n], other.equations.mesh.nodes), vector[n:])
-        mesh = self.placed(x).mesh.stretched(math.exp(float(x[n]))) if self.front else self.equations.mesh
+            return np.append(self.mesh.interpolate(vector[:n], other.mesh.nodes), vector[n:])
+        mesh = self.placed(x).mesh.stretched(math.exp(float(x[n]))) if self.front else self.mesh
         function = self.growth(x) * x[:n] if vector is x else self.moving(vector, x)
         if front is None:
-            return mesh.interpolate(function, other.equations.mesh.nodes)
+            return mesh.interpolate(function, other.mesh.nodes)
         kept = self.front is not None and replace(front, creases=self.creases) == self.front
         about = float(x[n]) if self.front and self._as_moved(front) else 0.0
         shift = about if kept else front.anchored(*self.seen(x, p), about)
         places = {crease.key: crease.place for crease in self._creases_at(x)}
-        stretch, beyond = float(mesh.end / self.equations.mesh.end), math.exp(shift)
+        stretch, beyond = float(mesh.end / self.mesh.end), math.exp(shift)
 
         def place(crease: Crease) -> float:
             if crease.key in places:
@@ -454,7 +454,7 @@ class MeshedContact(MovingContact):
         x, u = point.x, point.parameter
         if self.relative_error(x, u) > tolerance:
             return self.remeshed(x, u, tolerance, solve=False)[0]
-        mesh = self.equations.mesh
+        mesh = self.mesh
         length = SHARE * self.equations.coordinate.radius(self.coordinate(u)) if 0.0 < u < SMALL else 0.0
         if not (self.equations.contact and 0.0 < length < mesh.innermost / GRADING):
             return self

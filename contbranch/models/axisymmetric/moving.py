@@ -87,7 +87,8 @@ class MovingContact(EquilibriumProblem):
 
     def __post_init__(self) -> None:
         equations, front = self.equations, self.front
-        mesh, law = equations.mesh, equations.interaction
+        self.mesh = mesh = equations.mesh
+        law = equations.interaction
         # Where the film is squeezed out on a ring, round a flat tip, below a bump or at an edge, the central gap may
         # grow again.
         layered = law is not None and math.isfinite(law.wave)
@@ -140,7 +141,7 @@ class MovingContact(EquilibriumProblem):
             return self.equations
         known = next((one[1] for one in self._placed if np.array_equal(one[0], by)), None)
         if known is None:
-            known = self.equations.on(moved_with(self.equations.mesh, self._carried[0], by))
+            known = self.equations.on(moved_with(self.mesh, self._carried[0], by))
             self._placed = [(by, known), *self._placed[: RECENT - 1]]
         return known
 
@@ -165,14 +166,14 @@ class MovingContact(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         if self.front is None:
             return fields.residual
-        off = [self.front.off(self.equations.mesh, equations, fields, float(x[self.size]))]
+        off = [self.front.off(self.mesh, equations, fields, float(x[self.size]))]
         off += [float(row @ fields.gap[nodes]) - value for nodes, row, value in self._rows]
         return np.append(fields.residual, off) / self.growth(x)
 
     @cached_property
     def _rows(self) -> list[tuple[slice, Array, float]]:
         """What says how far creases are off."""
-        return [crease.row(self.equations.mesh) for crease in self.creases]
+        return [crease.row(self.mesh) for crease in self.creases]
 
     def jacobian(self, x: Array, p: float) -> Array:
         """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
@@ -201,7 +202,7 @@ class MovingContact(EquilibriumProblem):
         self, equations: Equations, fields: Fields, residual: Array, growth: float
     ) -> tuple[Array, Array, Array]:
         assert self.front is not None
-        unit, n, count = self.equations.mesh, self.size, 1 + len(self.creases)
+        unit, n, count = self.mesh, self.size, 1 + len(self.creases)
         rows, corner = np.empty((count, n)), np.zeros((count, count))
         rows[0], corner[0, 0], _ = self.front.derivatives(unit, equations, fields)
         lift, stretched = equations.spread(fields, self.front.power)
@@ -221,7 +222,7 @@ class MovingContact(EquilibriumProblem):
     def _motion(self, equations: Equations) -> tuple[Array, Array]:
         """Rates of the edges and nodes of a mesh with the motions of the creases, (m, P + 1) and (m, N)."""
         assert self._carried is not None
-        stretch = equations.mesh.end / self.equations.mesh.end
+        stretch = equations.mesh.end / self.mesh.end
         return stretch * self._carried[0], stretch * self._carried[1]
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
@@ -229,7 +230,7 @@ class MovingContact(EquilibriumProblem):
         equations, fields = self.seen(x, p)
         residual = equations.slopes(fields)[1]
         if self.front is not None:
-            off = [self.front.derivatives(self.equations.mesh, equations, fields)[2]]
+            off = [self.front.derivatives(self.mesh, equations, fields)[2]]
             off += [float(row @ equations.slopes(fields)[0][nodes]) for nodes, row, _ in self._rows]
             residual = np.append(residual, off) / self.growth(x)
         return residual * (self.scale * math.cosh(p))
@@ -291,7 +292,7 @@ class MovingContact(EquilibriumProblem):
         """Vector whose product with v is inner(u, v)."""
         found = self._weights * u
         if self._slopes is not None:
-            mesh = self.equations.mesh
+            mesh = self.mesh
             found[: self.size] += mesh.derivative_dual(self._slopes * mesh.derivative(u[: self.size]))
         return found
 
@@ -328,7 +329,7 @@ class MovingContact(EquilibriumProblem):
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.equations.mesh.size
+        return self.mesh.size
 
     @property
     def flat(self) -> bool:

@@ -156,7 +156,7 @@ def regained(resolution: Resolution, contact: Contact, disc: Disc) -> Point:
     a = disc.radius
     edges = np.append(0.0, np.sqrt((disc.radii - a) * (disc.radii + a)))
     problem = _begun(resolution, contact, edges, a > 0.0)
-    mesh, u = problem.equations.mesh, problem.parameter(problem.equations.coordinate.of(a, disc.central_gap))
+    mesh, u = problem.mesh, problem.parameter(problem.equations.coordinate.of(a, disc.central_gap))
     x, u = problem._at_displacement(mesh.abel_of(disc.pressure(np.hypot(mesh.nodes, a))), u)
     problem, x = problem.resolved(x, u, resolution.tolerance)
     problem, x = problem.anchored(problem._fronted(x, u), x, u)
@@ -395,7 +395,7 @@ class ContactProblem(MeshedContact):
         """Parameter of a contact that has long passed the kink at first touch x, seen from the front."""
         radius = SEEN * (self.front.place if isinstance(self.front, Front) else 1.0)
         if self.flat:
-            radius = max(min(radius, DISHED * self.equations.mesh.innermost), self._clear(x))
+            radius = max(min(radius, DISHED * self.mesh.innermost), self._clear(x))
         return self._grown(radius)
 
     def _grown(self, radius: float) -> float:
@@ -621,7 +621,7 @@ class ContactProblem(MeshedContact):
 
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""
-        mesh, length = self.equations.mesh, self.answer(x)
+        mesh, length = self.mesh, self.answer(x)
         if length >= mesh.innermost:
             return []
         problem, x = self.on(mesh_on(_graded(mesh.edges, length), self.resolution.order, mesh.bounded), x, 0.0)

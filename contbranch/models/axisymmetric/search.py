@@ -40,6 +40,6 @@ def search_from(problem: ContactProblem, points: Sequence[Point]) -> Search:
         u = first + (k + 0.5) / BARE * (last - first)
         # the pressure that the undeformed tip would feel
         pressure = coarse.fields(np.zeros(coarse.size), u).pressure
-        starts.append((coarse.equations.mesh.abel_of(np.nan_to_num(pressure, posinf=0.0, neginf=0.0)), u))
+        starts.append((coarse.mesh.abel_of(np.nan_to_num(pressure, posinf=0.0, neginf=0.0)), u))
     # changes of h by the range of the interaction over its width √(2 range) count as much as one of u
     return Search(coarse, tuple(starts), problem.scale * (2 * problem.scale) ** 0.25)
