@@ -41,7 +41,8 @@ def choose(contact: Contact, model: str | Model | Lattice = "auto") -> tuple[Mod
         raise InputError(f"model: {model!r}; must be one of auto, {', '.join(NAMED)}")
     else:
         chosen = model
-    obstacle = _obstacle(chosen, contact)
+    told = getattr(chosen, "obstacle", None)
+    obstacle = None if told is None else told(contact)
     if obstacle is not None and chosen.name == Axisymmetric.name:
         other = axisymmetric(contact)
         if other is not None:
@@ -69,11 +70,6 @@ def on_grid(model: Model | Lattice) -> bool:
 def axisymmetric(contact: Contact) -> Model | None:
     """The axisymmetric model for a contact: of discs, or with free boundaries where the law's pressure jumps."""
     return next((model for model in (Axisymmetric(), Rings()) if model.obstacle(contact) is None), None)
-
-
-def _obstacle(model: Model | Lattice, contact: Contact) -> str | None:
-    obstacle = getattr(model, "obstacle", None)
-    return None if obstacle is None else obstacle(contact)
 
 
 def _smallest(contact: Contact) -> tuple[Model | Lattice, str]:

@@ -113,8 +113,8 @@ class _Follower:
         rate = np.where(state.contact, way.pressure / self._pressure, way.u / self.length)
         margin = np.maximum(self.margins(state), 0.0)
         ahead = np.where(rate < 0.0, margin / np.where(rate < 0.0, -rate, 1.0), np.inf)
-        node = np.unravel_index(int(np.argmin(ahead)), ahead.shape)
-        return float(ahead[node]), (int(node[0]), int(node[1]))
+        node = _least(ahead)
+        return float(ahead[node]), node
 
     def orbit(self, node: tuple[int, int]) -> Flags:
         """A node and its image where x and y can be exchanged."""
@@ -154,9 +154,7 @@ class _Follower:
             broken[known] = False
         if not broken.any():
             return known
-        share = np.where(broken, begin / np.where(broken, begin - end, 1.0), np.inf)
-        node = np.unravel_index(int(np.argmin(share)), share.shape)
-        return int(node[0]), int(node[1])
+        return _least(np.where(broken, begin / np.where(broken, begin - end, 1.0), np.inf))
 
     def arc(self, begin: Equilibrium, way: _Way) -> tuple[Arc, tuple[int, int], _Way] | None:
         """From a state to the next corner: the arc, the node that changes there, and the way before it."""
@@ -164,12 +162,11 @@ class _Follower:
         bend: tuple[Array | float, float] = 0.0, 0.0
         for _ in range(STEPS):
             distance, node = self.events(state, last)
-            along = last.direction
             step = min(distance, cap)
             target: tuple[int, int] | None = node if distance <= cap else None
+            u, load = state.u + step * (last.u + step * bend[0]), state.load + step * (last.load + step * bend[1])
             if target is None:
-                ahead = state.u + step * (last.u + step * bend[0]), state.load + step * (last.load + step * bend[1])
-                there = self.beside(state, *ahead, along)
+                there = self.beside(state, u, load, last.direction)
                 if there is None:
                     cap = 0.5 * step
                     continue
@@ -184,8 +181,6 @@ class _Follower:
                     self.cap = cap = min(longer, self.period)
                     continue
                 u, load = 0.5 * (state.u + there.u), 0.5 * (state.load + there.load)
-            else:
-                u, load = state.u + step * (last.u + step * bend[0]), state.load + step * (last.load + step * bend[1])
             found = self._targeted(state, u, load, target, last, max(4.0 * step, 0.3 * self.period))
             if found is not None:
                 end, node = found
@@ -279,9 +274,14 @@ def pressed(
         That of the curve before it, or another that is not across the curve.
     """
     follower = _Follower(problem, length, problem.lattice.spacing / length, settings)
-    place = np.unravel_index(int(np.argmin(touch.fields.gap)), problem.shape)
-    node = int(place[0]), int(place[1])
+    node = _least(touch.fields.gap)
     state = replace(touch, contact=follower.orbit(node))
     way = follower.way(state, towards)
     found = None if way is None else follower.onward(state, node, way)
     return None if found is None else (found.u, found.load)
+
+
+def _least(values: Array) -> tuple[int, int]:
+    """The node with the least value."""
+    row, column = np.unravel_index(int(np.argmin(values)), values.shape)
+    return int(row), int(column)
