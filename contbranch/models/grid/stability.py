@@ -56,11 +56,10 @@ class Spectrum:
     sector : (str, str) or None
         None: the whole lattice, without symmetry.
     eigenvalues, errors : array (k,)
-        λ in increasing order (module), and error bounds. Empty where `settled`.
+        λ in increasing order (module), and error bounds. Empty where the sector is stable because one before it in the
+        order is, or because nothing softens.
     vectors : array (k, n, n)
         Variations x, on the array of the sector, with x·K_d x = 1/h² (the energy's norm).
-    settled : bool
-        Whether the sector is stable because one before it in the order is, or because nothing softens.
     complete : bool
         Whether all pairs reached the precision asked for.
     """
@@ -69,18 +68,12 @@ class Spectrum:
     eigenvalues: Array
     errors: Array
     vectors: Array
-    settled: bool = False
     complete: bool = True
 
     @property
     def index(self) -> int:
         """Number of negative eigenvalues."""
         return int((self.eigenvalues < 0.0).sum())
-
-    @property
-    def lowest(self) -> float:
-        """Lowest eigenvalue; 1, where they gather, if none was needed."""
-        return self.eigenvalues[0] if self.eigenvalues.size else 1.0
 
     @property
     def stable(self) -> bool:
@@ -211,7 +204,7 @@ class Stability:
 
 def _settled(sector: Sector | None) -> Spectrum:
     empty = np.zeros(0)
-    return Spectrum(sector, empty, empty, np.zeros((0, 0, 0)), settled=True)
+    return Spectrum(sector, empty, empty, np.zeros((0, 0, 0)))
 
 
 def _before(sector: Sector) -> list[Sector]:

@@ -55,8 +55,6 @@ HALVINGS = 4
 # How far F₂ from the first state may be from the extrapolated one, relative.
 SHARE = 0.2
 SETTINGS = Settings(tolerance=1e-9, steps=20)
-# What is left open of the load of an event, relative.
-ROUNDED = 1e-8
 
 
 class Departure(NamedTuple):
@@ -82,8 +80,8 @@ class Switched:
         ε and 2ε.
     states : (Equilibrium, Equilibrium)
         In that order, away from the event; those at -ε are their images under the symmetry that is broken.
-    curvature, curvature_error : float
-        F₂, extrapolated from both states to ε = 0, and its error; that of the lattice is not in it.
+    curvature : float
+        F₂, extrapolated from both states to ε = 0.
     distance : float
         Of the first state from its image under the symmetry: the largest difference of gaps. It is 0 on the symmetric
         curve and, for small ε, 2 ε on the new one.
@@ -96,7 +94,6 @@ class Switched:
     amplitudes: tuple[float, float]
     states: tuple[Equilibrium, Equilibrium]
     curvature: float
-    curvature_error: float
     distance: float
     sector: Sector
 
@@ -188,10 +185,8 @@ def _pair(
         return None
     near, far = rise / epsilon**2, (second.load - origin.load) / (4.0 * epsilon**2)
     curvature = (4.0 * near - far) / 3.0
-    # With terms F₂ (1 + x + O(x²)), x ∝ ε², what the extrapolation leaves is 4 x² of it.
-    error = 4.0 * (curvature - near) ** 2 / abs(curvature) + 2.0 * ROUNDED * max(1.0, abs(origin.load)) / epsilon**2
     amplitudes, states = (epsilon, 2.0 * epsilon), (first, second)
-    return Switched(problem, origin, amplitudes, states, curvature, error, distance, sector)
+    return Switched(problem, origin, amplitudes, states, curvature, distance, sector)
 
 
 def _near(found: Switched) -> float:
