@@ -28,8 +28,12 @@ from .newton import Equilibrium, Hold, Settings, hold_control, newton, rms, tang
 from .problem import Fields, GridProblem
 from .stability import Stability, as_stability
 
-__all__ = ["land", "stable"]
+__all__ = ["ESCAPED", "STEPS", "UNSTABLE", "land", "stable"]
 
+# Why there is no state.
+ESCAPED = "no stable state is reached: the load pulls the surfaces apart, and nothing further out can hold them"
+STEPS = "the number of steps allowed was reached before the residual asked for"
+UNSTABLE = "the state reached is unstable, and the relaxation comes back to it whenever it is pushed"
 # θ, and the change of a gap in a step at most, relative to the law's range plus the gap.
 THETA, STRIDE = 0.9, 0.2
 # Inner tolerance of a step, relative, and products at most.
@@ -159,14 +163,15 @@ def land(problem: GridProblem, u: Array, hold: Hold, tolerance: float = 1e-8, st
     Returns
     -------
     Equilibrium
-        Not converged if there is no stable state to be reached.
+        Not converged, with a reason, if there is no stable state to be reached.
     """
     before = problem.counter.equilibrium
     motion = _Relaxation(problem, hold)
-    place, soft, goal, kicks = motion.place(u), 0.0, NEAR, 0
+    place, soft, goal, kicks, reason = motion.place(u), 0.0, NEAR, 0, STEPS
     for step in range(steps + 1):
         state, spent = None, problem.counter.equilibrium - before
         if motion.escaped(place) or kicks > KICKS:
+            reason = UNSTABLE if kicks > KICKS else ESCAPED
             break
         if place.residual <= max(goal, tolerance):
             settings = Settings(tolerance, steps=8, inner=100, growth=2.0)
@@ -192,4 +197,4 @@ def land(problem: GridProblem, u: Array, hold: Hold, tolerance: float = 1e-8, st
         place, soft = after, min(2.0 * part + 0.1, 1.0)
     fields = place.fields
     displacement, spent = problem.displacement(fields.u, fields.load), problem.counter.equilibrium - before
-    return Equilibrium(fields, place.held, place.residual, displacement, False, step, spent)
+    return Equilibrium(fields, place.held, place.residual, displacement, False, step, spent, reason)

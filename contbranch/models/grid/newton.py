@@ -146,6 +146,8 @@ class Equilibrium:
     converged : bool
     steps, pairs : int
         Steps and pairs of transforms spent.
+    reason : str
+        Why it has not converged, where that is known.
     """
 
     fields: Fields
@@ -155,6 +157,7 @@ class Equilibrium:
     converged: bool
     steps: int = 0
     pairs: int = 0
+    reason: str = ""
 
     def slim(self) -> Equilibrium:
         """The state with its u, load and contact only; other fields are not to be used."""

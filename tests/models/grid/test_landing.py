@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.models.grid.landing import land, stable
+from contbranch.models.grid.landing import ESCAPED, STEPS, land, stable
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Hold, Settings, hold_control, newton
 from contbranch.models.grid.problem import GridProblem
@@ -164,12 +164,11 @@ def test_reduced_and_whole_lattices_agree():
     np.testing.assert_allclose(states[0], states[1], atol=1e-10)
 
 
-def test_detachment_and_too_few_steps_are_no_state(attraction):
+def test_detachment_and_too_few_steps_are_reported(attraction):
     gone = land(attraction, np.full(attraction.shape, 0.5), Hold(-7.0))
-    assert not gone.converged
-    assert gone.fields.gap.min() > 0.5
+    assert (gone.converged, gone.reason) == (False, ESCAPED)
     few = land(attraction, np.full(attraction.shape, 20.0), Hold(1.0), steps=4)
-    assert (few.converged, few.steps) == (False, 4)
+    assert (few.converged, few.reason, few.steps) == (False, STEPS, 4)
 
 
 def test_everything_in_contact():
