@@ -52,7 +52,6 @@ class Corrected:
     tangent_x: Array
     tangent_parameter: float
     bordered: Bordered
-    iterations: int
     first_correction: float
     contraction: float
 
@@ -145,7 +144,7 @@ def correct(
     x, p = near
     own = problem.in_plane(x, p, row, precise)
     if own is not None:
-        return Corrected(*own, Bordered(), 1, 0.0, 0.0)
+        return Corrected(*own, Bordered(), 0.0, 0.0)
     tolerance, noise = options.tolerance, options.noise
     close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
     floor = _rounding_floor(problem, x, p, metric)
@@ -199,7 +198,7 @@ def correct(
             if kept or problem.delicate:
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
-            return Corrected(x, p, u, a, bordered, iteration, first, worst)
+            return Corrected(x, p, u, a, bordered, first, worst)
         previous = size
         kept = polishes and size < SMALL and (grows or contraction < (CONTRACTS if kept else trusted))
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")

@@ -76,9 +76,6 @@ _AXES = {
     "r": ("Radius", "r", ""),
 }
 WIDTH = 3.4  # inches, one column of a journal
-_TITLE, _BELOW, _RIGHT = 0.21, 0.37, 0.11  # inches: above, below, right of a panel
-_APART = 4.0  # points between the labels of two ticks
-_MOST_TICKS = 8
 SCREEN = 120  # pixels an inch in notebooks, of two points each
 _PAD = 1.0  # of the extent of the events, shown on either side of them
 _LEAST_PAD = 0.05  # of the events' distance from zero: context for a narrow window
