@@ -19,7 +19,7 @@ from contbranch.contact.law_check import check_laws
 from contbranch.contact.units import Quantity, accuracy_of, positive_number
 from contbranch.contact.validity import notes
 from contbranch.control import DISPLACEMENT, LOAD, Control, Spring, as_control
-from contbranch.curve.curves import Coexisting, Curves, Model, Route
+from contbranch.curve.curves import Coexisting, FollowedCurves, Model, Route
 from contbranch.curve.loop import loop
 from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
 from contbranch.curve.paths import CurveWalk
@@ -387,7 +387,7 @@ class _Asked:
     """A question made of arguments: whom to ask, under which control (in the contact's units), since when."""
 
     contact: Contact
-    curves: Curves
+    curves: FollowedCurves
     request: Request
     control: Control
     name: str

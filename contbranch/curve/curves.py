@@ -17,7 +17,7 @@ from contbranch.curve.find import disconnected
 from contbranch.curve.outcome import RawCurve, no_curve, state_in_units
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.problem import EquilibriumProblem
-from contbranch.curve.quasi_static import Jump, Leg, Stop, Walk, quasi_static
+from contbranch.curve.quasi_static import Jump, Leg, Stop, quasi_static
 from contbranch.curve.refine import Found
 from contbranch.curve.rows import ROW_SAFETY, raw_curve
 from contbranch.curve.solve import CONTROLS, Crossing, crossings, state_apart, state_on
@@ -28,7 +28,7 @@ from contbranch.results.diagram import Cost, State
 from contbranch.results.record import OBSERVABLES
 from contbranch.watch import over
 
-__all__ = ["EXTENSIONS", "Coexisting", "Curves", "FollowedCurves", "Model", "Route", "landed"]
+__all__ = ["EXTENSIONS", "Coexisting", "FollowedCurves", "Model", "Route", "landed"]
 
 # A curve is continued until what a path jumps to lies on it: beyond the fold's value by this share, and as often.
 BEYOND, EXTENSIONS = 1e-3, 3
@@ -99,7 +99,7 @@ class Route:
 
     Attributes
     ----------
-    walk : Walk
+    walk : CurveWalk
     legs, jumps : list of Leg, list of Jump
     curve : RawCurve
         On which it runs.
@@ -107,7 +107,7 @@ class Route:
     message : str
     """
 
-    walk: Walk
+    walk: CurveWalk
     legs: Sequence[Leg] = ()
     jumps: Sequence[Jump] = ()
     curve: RawCurve = field(default_factory=no_curve)
@@ -115,33 +115,9 @@ class Route:
     message: str = ""
 
 
-class Curves(Protocol):
-    """The curves of one contact by one model. Requests, fields and states are in reduced units.
-
-    Attributes
-    ----------
-    followable : bool
-        Whether events can be followed in a parameter.
-    """
-
-    followable: bool
-
-    def trace(self, request: Request) -> RawCurve:
-        """The whole curve with its events."""
-
-    def solve(self, request: Request, field: str, value: float, near: State | None) -> Coexisting:
-        """Equilibria with a value of load, displacement or contact radius; `near` may serve as a start."""
-
-    def find_all(self, request: Request, field: str, value: float, window: tuple[float, float] | None) -> Coexisting:
-        """All equilibria with a value of load or displacement, in a window of displacements."""
-
-    def path(self, request: Request) -> Route:
-        """The quasi-static path under a control, along a curve as long as it needs."""
-
-
 @dataclass(frozen=True)
 class FollowedCurves:
-    """Curves of a contact whose model makes an equilibrium problem of it (a `Curves`).
+    """Curves of a contact whose model makes an equilibrium problem of it.
 
     Attributes
     ----------
@@ -152,7 +128,6 @@ class FollowedCurves:
 
     contact: Contact
     model: Model
-    followable = True
 
     @cached_property
     def reduced(self) -> Contact:

@@ -31,7 +31,7 @@ GIVEN, LARGE = 1e-5, 128**2
 
 @dataclass(frozen=True)
 class CurveWalk:
-    """A followed curve under one control (a `quasi_static.Walk`), reduced units.
+    """A followed curve under one control, as a path needs it, reduced units. Rows are points; pieces lie between them.
 
     Attributes
     ----------

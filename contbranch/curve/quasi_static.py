@@ -1,7 +1,7 @@
 """Quasi-static paths along a curve of equilibria: up and down, with a jump wherever stability is lost.
 
-What a path needs to know of the curve is a `Walk`; each model provides one. The control is raised from where the curve
-starts to where it ends, then lowered again. A stable part ends at a fold of the control; there the system jumps.
+The curve under its control is a `CurveWalk`. The control is raised from where the curve starts to where it ends, then
+lowered again. A stable part ends at a fold of the control; there the system jumps.
 """
 
 from __future__ import annotations
@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contbranch.arrays import Array, Integers
-from contbranch.control import Control
 from contbranch.errors import ModelError
 from contbranch.results.diagram import State
 from contbranch.watch import finishing, kept, over
 
-__all__ = ["Jump", "Leg", "Stop", "Walk", "next_along", "quasi_static"]
+if TYPE_CHECKING:
+    from contbranch.curve.paths import CurveWalk
+
+__all__ = ["Jump", "Leg", "Stop", "next_along", "quasi_static"]
 
 
 @dataclass(frozen=True)
@@ -47,54 +48,6 @@ class Stop:
     uncertainty: float = 1e-14
 
 
-class Walk(Protocol):
-    """A curve under one control, as a path needs it. Rows are points; pieces lie between them."""
-
-    @property
-    def control(self) -> Control:
-        """The control, reduced units."""
-
-    @property
-    def follows(self) -> bool:
-        """Whether `relaxed` is asked even where only one state is lower, since others may not be on the curve."""
-
-    @property
-    def values(self) -> Array:
-        """What is controlled at the rows, (M,); monotone between them."""
-
-    @property
-    def unstable(self) -> Integers:
-        """Morse index under the control on the pieces, (M − 1,)."""
-
-    @property
-    def rising(self) -> Integers:
-        """Signs of the change of what is controlled on the pieces, which change at its folds only, (M − 1,)."""
-
-    def folds(self) -> dict[int, Stop]:
-        """The folds of the control, by row."""
-
-    def row(self, row: int) -> State:
-        """The state of a row, without profile."""
-
-    def stop(self, row: int) -> Stop:
-        """A row as a stop."""
-
-    def between(self, begin: Stop, end: Stop, count: int) -> list[State]:
-        """States between two stops on one piece of the curve, without profiles."""
-
-    def crossing(self, piece: int, value: float) -> Stop:
-        """The state on a piece at a value of the control."""
-
-    def before(self, value: float) -> Stop | None:
-        """The state before the first row at a value; None if the control does not reach it there."""
-
-    def work(self, begin: Stop, end: Stop) -> float:
-        """∫ F dd along the curve between two stops."""
-
-    def relaxed(self, fold: Stop, candidates: Sequence[Stop]) -> Stop | None:
-        """Which of several stable states overdamped relaxation from a fold reaches; None for none of them."""
-
-
 @dataclass(frozen=True)
 class Leg:
     """A stable part followed in one direction of the control (+1: raised), from a stop over rows to a stop."""
@@ -116,7 +69,7 @@ class Jump:
     others: tuple[Stop, ...] = field(default=(), repr=False)
 
 
-def quasi_static(walk: Walk) -> tuple[list[Leg], list[Jump]]:
+def quasi_static(walk: CurveWalk) -> tuple[list[Leg], list[Jump]]:
     """The path up and down, as legs on stable parts and the jumps between them.
 
     The path starts at the curve's first row if that is stable, otherwise at the first stable part along the curve: at
@@ -129,7 +82,7 @@ def quasi_static(walk: Walk) -> tuple[list[Leg], list[Jump]]:
     return legs, jumps
 
 
-def _follow(walk: Walk, legs: list[Leg], jumps: list[Jump]) -> None:
+def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
     """Append the legs and jumps of the path, one after the other.
 
     Raises
@@ -170,7 +123,7 @@ def _follow(walk: Walk, legs: list[Leg], jumps: list[Jump]) -> None:
             piece, begin = min(row, len(walk.unstable) - 1), None
 
 
-def _start(walk: Walk, folds: dict[int, Stop]) -> tuple[int, Stop | None, int | None] | None:
+def _start(walk: CurveWalk, folds: dict[int, Stop]) -> tuple[int, Stop | None, int | None] | None:
     """Piece, stop and row at which the path starts."""
     unstable, values = walk.unstable, walk.values
     stable = np.flatnonzero(unstable == 0)
@@ -188,7 +141,7 @@ def _start(walk: Walk, folds: dict[int, Stop]) -> tuple[int, Stop | None, int | 
 
 
 def _followed(
-    walk: Walk, folds: dict[int, Stop], piece: int, direction: int, begin: Stop | None, row: int | None
+    walk: CurveWalk, folds: dict[int, Stop], piece: int, direction: int, begin: Stop | None, row: int | None
 ) -> tuple[Leg, int | None]:
     """Follow a stable part while the control moves in a direction; return the leg, and the fold's row where it ends."""
     rows = [] if row is None else [row]
@@ -204,7 +157,7 @@ def _followed(
             return Leg(direction, tuple(rows), begin, None), None
 
 
-def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg) -> Jump:
+def _jump(walk: CurveWalk, folds: dict[int, Stop], row: int, direction: int, leg: Leg) -> Jump:
     """The jump from a fold to the state that overdamped relaxation reaches.
 
     The energy of system and drive falls during the relaxation: only states below the fold can be reached, and if there
@@ -233,13 +186,13 @@ def _jump(walk: Walk, folds: dict[int, Stop], row: int, direction: int, leg: Leg
     return Jump(row, direction, fold, end, tuple(stop for stop in below if stop is not end))
 
 
-def _above(walk: Walk, stop: Stop, fold: Stop) -> float:
+def _above(walk: CurveWalk, stop: Stop, fold: Stop) -> float:
     """By how much the energy of system and drive is higher than at a fold, at the fold's value of the control."""
     value = walk.control.of(fold.state)
     return walk.control.height(value, stop.state) - walk.control.height(value, fold.state)
 
 
-def _ending(walk: Walk, folds: dict[int, Stop], row: int) -> set[int]:
+def _ending(walk: CurveWalk, folds: dict[int, Stop], row: int) -> set[int]:
     """The stable pieces up to a fold, along which what is controlled goes one way: none of them is there again."""
     found = set()
     for piece, sense in ((row - 1, -1), (row, 1)):
@@ -251,7 +204,7 @@ def _ending(walk: Walk, folds: dict[int, Stop], row: int) -> set[int]:
     return found
 
 
-def next_along(walk: Walk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop, bool]:
+def next_along(walk: CurveWalk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop, bool]:
     """Of stable states lower than a fold the next one along the curve, and whether energies show that it is reached.
 
     Beyond the fold the curve goes on as the saddle that has just merged with the stable state; on its other side lies
@@ -260,7 +213,7 @@ def next_along(walk: Walk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop
 
     Parameters
     ----------
-    walk : Walk
+    walk : CurveWalk
     fold : Stop
         With its row; the path comes from its stable side.
     candidates : sequence of Stop

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
-from contbranch.curve.curves import Curves, FollowedCurves, Model
+from contbranch.curve.curves import FollowedCurves, Model
 from contbranch.errors import InputError
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact.model import Exact
@@ -53,7 +53,7 @@ def choose(contact: Contact, model: str | Model | Lattice = "auto") -> tuple[Mod
     return chosen, "Asked for."
 
 
-def curves(contact: Contact, model: Model | Lattice) -> Curves:
+def curves(contact: Contact, model: Model | Lattice) -> FollowedCurves:
     """The curves of a contact by a model: on a lattice, or of its equilibrium problem."""
     if not isinstance(model, Lattice):
         return FollowedCurves(contact, model)

@@ -36,7 +36,7 @@ LARGEST = 1024
 
 @dataclass(frozen=True)
 class LatticeCurves(FollowedCurves):
-    """Curves of a contact on a lattice (a `curve.curves.Curves`).
+    """Curves of a contact on a lattice.
 
     Attributes
     ----------
@@ -47,7 +47,6 @@ class LatticeCurves(FollowedCurves):
     """
 
     model: Periodic | FreeSpace  # type: ignore[assignment]
-    followable = False
 
     def setup(self, request: Request, field: str | None = None, value: float | None = None) -> Setup:
         """The lattice for a load or displacement, or for a trace to its largest load."""
