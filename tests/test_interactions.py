@@ -115,7 +115,6 @@ def test_deep_inside_the_wall_there_is_no_warning(law):
 def test_arrays_keep_their_shape(law):
     for shape in ((), (3,), (2, 3)):
         assert all(np.shape(values) == shape for values in law.evaluate(np.full(shape, 0.2)))
-        assert np.shape(law.tail_energy(np.full(shape, 0.2))) == shape
 
 
 @all_laws
@@ -127,22 +126,6 @@ def test_reach(law, tolerance):
     # and it is not far beyond what is needed: a tenth of it is not enough for any of these laws
     inside = np.linspace(0.1 * reach, reach, 2000)
     assert np.max(np.abs(law.evaluate(inside).energy)) > tolerance * law.reference_work
-
-
-@smooth_laws
-def test_tail_energy(law, shape):
-    with mp.workdps(20):
-        for gap in (0.0, 0.3, 2.0):
-            x = mp.mpf(gap) / mp.mpf(RANGE)
-            places = [x, x + 1, x + 3, x + 10, x + 40] + ([] if law.name == "layered" else [mp.inf])
-            wanted = -WORK * RANGE * float(mp.quad(shape, places))
-            assert float(law.tail_energy(gap)) == pytest.approx(wanted, rel=1e-12, abs=1e-16)
-
-
-def test_tail_energy_of_maugis_dugdale():
-    # ∫_g^z0 -Δγ (1 - g/z0) dg: a triangle
-    law = MaugisDugdale(2.0, 0.5)
-    np.testing.assert_allclose(law.tail_energy([0.0, 0.25, 0.6]), [-0.5, -0.125, 0.0], rtol=1e-15)
 
 
 def test_maugis_dugdale_ends_at_its_range():
@@ -183,9 +166,6 @@ class TestUsersOwn:
                 np.testing.assert_allclose(value, wanted, rtol=1e-13)
             for tolerance in (1e-2, 1e-6, 1e-12):
                 assert mine.reach(tolerance) == pytest.approx(known.reach(tolerance), rel=1e-8)
-            # the general quadrature of the tail against the closed forms
-            np.testing.assert_allclose(mine.tail_energy(gap), known.tail_energy(gap), rtol=1e-11)
-            np.testing.assert_allclose(mine.scaled(2.0, 3.0).tail_energy(gap), known.scaled(2.0, 3.0).tail_energy(gap))
             total = mine + known
             np.testing.assert_allclose(total.evaluate(gap).energy, 2.0 * known.evaluate(gap).energy, rtol=1e-13)
 
@@ -202,14 +182,6 @@ class TestUsersOwn:
         gap = np.array([0.0, 0.7])
         other, wanted = Power(2.0).scaled(2.0, 4.0), InverseSquare(0.25, 0.25)
         np.testing.assert_allclose(other.evaluate(gap).pressure, wanted.evaluate(gap).pressure, rtol=1e-14)
-
-    def test_slower_tails(self):
-        class Slow(Interaction):
-            def shape(self, x):
-                return (1 + x) ** -1.5, -1.5 * (1 + x) ** -2.5, 3.75 * (1 + x) ** -3.5
-
-        # ∫_0^∞ (1+x)^(-3/2) dx = 2
-        assert float(Slow(1.0, 0.5).tail_energy(0.0)) == pytest.approx(-1.0, rel=1e-6)
 
     def test_without_shape(self):
         class Empty(Interaction):
@@ -246,7 +218,6 @@ class TestSum:
             np.testing.assert_allclose(
                 total.evaluate(GAPS)[k], sum(law.evaluate(GAPS)[k] for law in total.terms), rtol=1e-12, atol=1e-15
             )
-        np.testing.assert_allclose(total.tail_energy(0.3), sum(float(law.tail_energy(0.3)) for law in total.terms))
 
     def test_works(self):
         total = self.first + self.second + self.third
@@ -272,7 +243,6 @@ def test_scaled_law_is_the_same_law(law):
     np.testing.assert_allclose(scaled_v, v / energy, rtol=1e-11, atol=1e-14)
     np.testing.assert_allclose(scaled_p, p / energy * normal, rtol=1e-10, atol=1e-13)
     np.testing.assert_allclose(scaled_s, s / energy * normal**2, rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(other.tail_energy(gap / normal), law.tail_energy(gap) / energy / normal, rtol=1e-11)
     assert other.reference_work == pytest.approx(law.reference_work / energy, rel=1e-12)
     assert type(other) is type(law)
 
@@ -288,7 +258,6 @@ class TestTabulated:
             np.testing.assert_allclose(value, wanted, rtol=0.0, atol=[2e-7, 2e-5, 3e-3][order])
         assert law.work_of_adhesion == pytest.approx(0.7)
         assert law.range == pytest.approx(1.0, rel=1e-4)
-        np.testing.assert_allclose(law.tail_energy([0.0, 2.0]), known.tail_energy([0.0, 2.0]), atol=1e-4)
 
     def test_pressures(self):
         law, known = Tabulated(self.gaps, pressures=np.exp(-self.gaps)), Exponential(-1.0, 1.0)

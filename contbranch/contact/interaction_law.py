@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
-from contbranch.contact.tip_shape import gauss_rule
 from contbranch.contact.units import finite_number, positive_number
 from contbranch.errors import InputError
 
@@ -156,10 +155,6 @@ class Interaction:
         """Return the gap beyond which |v| ≤ `tolerance` · `reference_work`; the end of the law if it ends before."""
         return self.range * max(0.0, self._shape_reach(tolerance))
 
-    def tail_energy(self, gap: ArrayLike) -> Array:
-        """Return ∫ v dg from `gap` (any shape) to infinity, a force per length (Derjaguin's F = -2πR times it)."""
-        return -self.work_of_adhesion * self.range * self._shape_tail(np.asarray(gap) / self.range)
-
     def _shape_reach(self, tolerance: float) -> float:
         """Return x beyond which |f| ≤ `tolerance`; where a law does not have it in closed form, by search."""
         places = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 1501)])
@@ -181,12 +176,6 @@ class Interaction:
             low, high = (middle, high) if exceeds(middle) else (low, middle)
         return float(high)
 
-    def _shape_tail(self, x: Array) -> Array:
-        """Return ∫ f dx from `x` to infinity; where a law does not have it in closed form, by quadrature."""
-        nodes, weights = _TAIL_RULE
-        energy = self.evaluate(self.range * (x[..., None] + nodes)).energy
-        return energy @ weights / -self.work_of_adhesion
-
     def scaled(self, normal: float, energy: float) -> Interaction:
         """Return the law in other units, worth `normal` (gaps) and `energy` (per area) of the present ones."""
         law = copy(self)  # whatever else a law of the user's own consists of
@@ -207,19 +196,6 @@ class Interaction:
     def parameters(self) -> dict[str, Any]:
         """Return the fields from which the law can be made again, by name."""
         return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
-
-
-def _tail_rule() -> tuple[Array, Array]:
-    """Return nodes and weights for ∫_0^∞ of functions that vary over a length 1 and decay at least like x^-2."""
-    x, w = gauss_rule(16)
-    edges = np.concatenate([np.arange(0.0, 8.0, 0.5), 2.0 ** np.arange(3, 41)])
-    width = np.diff(edges)[:, None]
-    inner = (edges[:-1, None] + width * x).ravel()
-    last = edges[-1]  # beyond, x = last/u: a power of x becomes a power of u
-    return np.concatenate([inner, last / x]), np.concatenate([(width * w).ravel(), last * w / x**2])
-
-
-_TAIL_RULE = _tail_rule()
 
 
 @dataclass(frozen=True)
@@ -309,10 +285,6 @@ class Sum(Evaluated):
         """Return a gap beyond which |v| ≤ tolerance · reference_work: no law exceeds its share of that."""
         allowed = tolerance * self.reference_work / len(self.laws)
         return max(law.reach(min(1.0, allowed / law.reference_work)) for law in self.laws)
-
-    def tail_energy(self, gap: ArrayLike) -> Array:
-        """Return the sum of the laws' ∫ v dg from `gap` to infinity."""
-        return np.asarray(sum(law.tail_energy(gap) for law in self.laws))
 
     def scaled(self, normal: float, energy: float) -> Sum:
         """Return the sum of the laws in other units."""

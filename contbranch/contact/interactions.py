@@ -125,10 +125,6 @@ class MaugisDugdale(Interaction):
         """Return 1 - tolerance."""
         return 1.0 - tolerance
 
-    def _shape_tail(self, x: Array) -> Array:
-        """Return (1 - x)²/2 for x < 1."""
-        return 0.5 * np.maximum(1.0 - x, 0.0) ** 2
-
 
 @dataclass(frozen=True)
 class Layered(Interaction):
@@ -175,11 +171,6 @@ class Layered(Interaction):
     def _shape_reach(self, tolerance: float) -> float:
         """Return where the envelope, e^-x/|cos φ|, falls to `tolerance`."""
         return -math.log(tolerance * abs(math.cos(self.phase)))
-
-    def _shape_tail(self, x: Array) -> Array:
-        """Return Re[e^((ik-1)x + iφ)/(1-ik)]/cos φ."""
-        rate = 2j * math.pi * self.range / self.wave - 1.0
-        return np.asarray((np.exp(rate * x + 1j * self.phase) / -rate).real / math.cos(self.phase))
 
     def scaled(self, normal: float, energy: float) -> Layered:
         """Return the law in other units; the wavelength is a length, too."""
@@ -237,14 +228,10 @@ class Tabulated(Evaluated):
     def _kind(self) -> str:
         return "energies" if self.pressures is None else "pressures"
 
-    @property
-    def _end(self) -> float:
-        """The gap beyond which the law is zero."""
-        return float(self._table.energy.x[-2])
-
     def evaluate(self, gap: ArrayLike) -> Response:
         """Return energy per area, pressure and stiffness at `gap`."""
-        gap = np.minimum(gap, 2.0 * self._end)  # so that the piece beyond the end is never asked for 0 · ∞
+        # Beyond the last piece but one the law is zero; a gap is never asked for 0 · ∞ there.
+        gap = np.minimum(gap, 2.0 * float(self._table.energy.x[-2]))
         return Response(self._table.energy(gap), -self._table.energy(gap, 1), self._table.energy(gap, 2))
 
     @property
@@ -283,11 +270,6 @@ class Tabulated(Evaluated):
         # Not at the next of the gaps, which may be the end of the law, where all derivatives vanish.
         last, beyond = gaps[above[-1] :][:2]
         return float(scipy.optimize.brentq(lambda gap: abs(float(pieces(gap))) - least, last, beyond))
-
-    def tail_energy(self, gap: ArrayLike) -> Array:
-        """Return ∫ v dg from `gap` to infinity."""
-        integral = self._table.energy.antiderivative()
-        return integral(self._end) - integral(np.minimum(gap, self._end))
 
     def scaled(self, normal: float, energy: float) -> Tabulated:
         """Return the table in other units, with its pieces, which take long to make."""
