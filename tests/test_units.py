@@ -15,10 +15,8 @@ from contbranch.contact.units import (
     Scales,
     Units,
     finite_number,
-    maugis_to_reduced,
     parse,
     positive_number,
-    reduced_to_maugis,
 )
 from contbranch.errors import InputError
 
@@ -140,26 +138,6 @@ def test_scales_belong_together():
     assert scales.energy == pytest.approx(40.0 * 0.4)
     assert scales.energy_per_area == pytest.approx(0.04)
     assert scales.stiffness == pytest.approx(40.0 / 0.4)
-
-
-def test_maugis_units():
-    # misprint table: μ_T = (2π/9)^(1/3) λ = 0.887113359660979 λ
-    assert maugis_to_reduced(1.0, "tabor") == pytest.approx(0.887113359660979, abs=5e-16)
-    # Maugis: a in (πΔγR²/K)^(1/3), d in (π²Δγ²R/K²)^(1/3), F in πΔγR with K = 4E/3 (his units), at R = E = Δγ = 1
-    k = 4.0 / 3.0
-    assert maugis_to_reduced(1.0, "contact_radius") == pytest.approx((math.pi / k) ** (1 / 3), rel=1e-15)
-    assert maugis_to_reduced(1.0, "displacement") == pytest.approx((math.pi / k) ** (2 / 3), rel=1e-15)
-    assert maugis_to_reduced(1.0, "load") == pytest.approx(math.pi, rel=1e-15)
-    # λ = 2σ0 (R/(πΔγK²))^(1/3) with σ0 = Δγ/z0 and z0 = 1/μ_T
-    assert reduced_to_maugis(1.0, "tabor") == pytest.approx(2.0 * (1.0 / (math.pi * k**2)) ** (1 / 3), rel=1e-14)
-
-
-def test_maugis_units_and_back():
-    values = np.array([0.0, -1.5, 7.0])
-    for quantity in ("tabor", "contact_radius", "displacement", "load"):
-        np.testing.assert_allclose(reduced_to_maugis(maugis_to_reduced(values, quantity), quantity), values, rtol=1e-15)
-    with pytest.raises(InputError, match="quantity: 'gap'; must be one of tabor"):
-        maugis_to_reduced(1.0, "gap")
 
 
 PREFIXES = ("a", "f", "p", "n", "u", "µ", "μ", "m", "c", "", "k", "M", "G", "T")

@@ -1,4 +1,4 @@
-"""Units: reduced, physical (nN and nm) and Maugis', and the reading of quantities. Nothing else converts units.
+"""Units: reduced and physical (nN and nm), and the reading of quantities. Nothing else converts units.
 
 A contact is described either in reduced units (bare numbers: R = E = |Δγ| = 1, or any other consistent choice) or in
 physical units, where everything is kept in nN and nm: loads in nN, lengths in nm, stiffnesses and energies per area in
@@ -12,12 +12,10 @@ import re
 import reprlib
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any
 
-from contbranch.arrays import Array
-from contbranch.errors import InputError, look_up
+from contbranch.errors import InputError
 
-Value = TypeVar("Value", float, Array)
 # A number in the contact's units, a text with a unit, or nothing.
 Quantity = float | str | None
 
@@ -291,30 +289,3 @@ class Scales:
             **dict.fromkeys(("contact_radius", "contact_perimeter", "r", "x", "y"), self.in_plane),
             **dict.fromkeys(("displacement", "central_gap", "mean_gap", "gap"), self.normal),
         }
-
-
-# (43)-(46): one Maugis unit in reduced units. Maugis takes πΔγ for Δγ and 4E/3 (misprinted 3E/4) for E.
-_MAUGIS: dict[str, float] = {
-    "tabor": (2.0 * math.pi / 9.0) ** (1.0 / 3.0),
-    "contact_radius": (3.0 * math.pi / 4.0) ** (1.0 / 3.0),
-    "displacement": (3.0 * math.pi / 4.0) ** (2.0 / 3.0),
-    "load": math.pi,
-}
-
-
-def maugis_to_reduced(value: Value, quantity: str) -> Value:
-    """Return what a quantity in Maugis' units is in reduced units, (43)-(46).
-
-    Parameters
-    ----------
-    value
-        Number or array.
-    quantity
-        ``"tabor"`` (from Maugis' λ, μ_T = (2π/9)^(1/3) λ), ``"contact_radius"``, ``"displacement"`` or ``"load"``.
-    """
-    return value * float(look_up(quantity, _MAUGIS, "quantity"))
-
-
-def reduced_to_maugis(value: Value, quantity: str) -> Value:
-    """Return what a quantity in reduced units is in Maugis' units: the inverse of `maugis_to_reduced`."""
-    return value / float(look_up(quantity, _MAUGIS, "quantity"))
