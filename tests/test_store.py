@@ -21,7 +21,7 @@ from contbranch.contact.units import PHYSICAL
 from contbranch.errors import InputError, ModelError
 from contbranch.output import files
 from contbranch.output.hdf5 import load, save
-from contbranch.output.plot import save_figure
+from contbranch.output.plot import figure_content
 from contbranch.results.diagram import Cost, Diagram, LocalExponent, ModelChoice, Solution, State
 from contbranch.results.loop import Hysteresis, Jump, Path as LoopPath
 
@@ -224,7 +224,7 @@ def test_a_failed_write_keeps_the_old_file(attraction: Diagram, tmp_path: Path) 
     with no_more_than(20_000), pytest.raises(InputError, match=r"x.h5' cannot be written \(File too large\)"):
         save(attraction, path)
     with no_more_than(20_000), pytest.raises(InputError, match=r"x.png' cannot be written \(File too large\)"):
-        save_figure(attraction.plot(), picture)
+        files.write(picture, figure_content(attraction.plot(), ".png"))
     assert path.read_text() == picture.read_text() == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["x.h5", "x.png"]
     with pytest.raises(InputError, match="cannot be written"):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from matplotlib.lines import Line2D
 
 from contbranch.arrays import Array
 from contbranch.errors import InputError
-from contbranch.output.files import write
 from contbranch.output.plot_curve import Line, Piece, coordinate, pieces, smooth_line
 from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_maps import cell_maps
@@ -43,8 +41,6 @@ from contbranch.output.smooth import smooth_path
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.profile import FAINT
 from contbranch.results.record import UnitNames
-
-SUFFIXES = (".pdf", ".png", ".svg")
 
 _STABLE, _UNSTABLE, _TOUCH, _SYMMETRY = SERIES[:4]
 _MOST = 8  # labels of a panel
@@ -160,23 +156,8 @@ def profiles(state: State, unit_names: UnitNames | None = None) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure as PNG, PDF or SVG, by the suffix of `path`.
-
-    Raises
-    ------
-    InputError
-        For another suffix, or if the file cannot be written.
-    """
-    if Path(path).suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"path: '{path}' has no known suffix; must end in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}"
-        )
-    write(path, figure_content(figure, Path(path).suffix))
-
-
 def figure_content(figure: Figure, suffix: str, **options: Any) -> bytes:
-    """What `save_figure` writes."""
+    """A figure as PNG, PDF or SVG, by the suffix; the same figure gives the same bytes."""
     drawn = io.BytesIO()
     kind = suffix.lower()[1:]
     dates = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
