@@ -57,6 +57,17 @@ class Balance:
     state_total: float = 0.0
     parameter_total: float = 0.0
 
+    @classmethod
+    def ahead(cls, state_slope: float, parameter_slope: float, size: float, p: float, width: float) -> Balance:
+        """Return the scales with which a curve begins in a range of the parameter: how far both will go, by the tangent
+        (slopes, at least 0); close to a fold it says nothing about how far the state will go."""
+        parameter = width if math.isfinite(width) else max(1.0, abs(p))
+        state = state_slope / parameter_slope * parameter if parameter_slope > 0 else math.inf
+        if state > 10 * size > 0:
+            state = 10 * size
+            parameter = max(state * parameter_slope / state_slope, 1e-6 * parameter)
+        return cls(state if math.isfinite(state) and state > 0 else size or 1.0, parameter)
+
     def advance(self, state_change: float, parameter_change: float) -> Balance:
         """Return the scales after a step with these changes of state (its norm) and of parameter."""
         state_total = self.state_total + state_change

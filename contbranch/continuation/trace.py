@@ -107,15 +107,7 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
     u, a, _ = tangent_at(problem, x, p)
     if a < 0:
         u, a = -u, -a
-    state_slope = size_of(problem, u)
-    size = size_of(problem, x)
-    parameter = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
-    state = state_slope / a * parameter if a > 0 else math.inf
-    # Close to a fold the tangent says nothing about how far x will go for this change of p.
-    if state > 10 * size > 0:
-        state = 10 * size
-        parameter = max(state * a / state_slope, 1e-6 * parameter)
-    balance = Balance(state if math.isfinite(state) and state > 0 else size or 1.0, parameter)
+    balance = Balance.ahead(size_of(problem, u), a, size_of(problem, x), p, interval.width)
     metric = balance.metric(options.weight, options.state_floor)
     u, a = metric.unit(problem, u, a)
     # The determinant's sign belongs to the orientation: rebordering with the oriented, scaled tangent settles it.

@@ -273,16 +273,8 @@ class EquilibriumProblem(Problem):
             `Succession.step`.
         """
         low, high = self.parameter_range
-        parameter = high - low if math.isfinite(high - low) else max(1.0, abs(start.parameter))
         slope, size = (math.sqrt(self.inner(v, v)) for v in (start.tangent_x, start.x))
-        rate = abs(start.tangent_parameter)
-        state = slope / rate * parameter if rate > 0 else math.inf
-        if state > 10 * size > 0:  # close to a fold the tangent says nothing about how far the state will go
-            state = 10 * size
-            parameter = max(state * rate / slope, 1e-6 * parameter)
-        if not (math.isfinite(state) and state > 0):
-            state = size or 1.0
-        return Balance(state, parameter)
+        return Balance.ahead(slope, abs(start.tangent_parameter), size, start.parameter, high - low)
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Signed distances, positive as long as this representation holds; the curve is cut where one vanishes."""
