@@ -404,10 +404,6 @@ class Grid:
             x = (y - self.start[panel]) / (self.stop[panel] - self.start[panel])
             return np.where(sign == 2, 1 - anchor / r, x)
 
-    def sample(self, panel: int, x: Array) -> Array:
-        """Radii at places x of a panel."""
-        return self._map(np.full(x.shape, panel), x)[0]
-
 
 def _among(r: Array) -> Array:
     """K(m)/(r + s) between all radii, (N, N), each pair once."""
