@@ -152,10 +152,6 @@ class Turning:
         self._piece(alpha(control) + math.pi * near)
         self.signs[control.kind] = -self.signs.get(control.kind, -1 if clockwise else 1)
 
-    def end(self) -> None:
-        """The last row, reached without a fold on the way."""
-        self._piece(self.present)
-
     def corner(self, turn: float) -> None:
         """The curve leaves a row in another direction than it came."""
         self.present += turn

@@ -109,9 +109,9 @@ class GridProblem:
         """Shape of a field."""
         return (self.lattice.size, self.lattice.size)
 
-    def stiffness(self, u: Array, out: Array | None = None) -> Array:
-        """K u, into an array if one is given; one pair."""
-        return self.transform.filter(self._stiffness_filter, u, out)
+    def stiffness(self, u: Array) -> Array:
+        """K u; one pair."""
+        return self.transform.filter(self._stiffness_filter, u)
 
     @property
     def stiffest(self) -> float:

@@ -108,21 +108,18 @@ class Transform:
             self._spectrum, self._space, direction=directions[1], **options
         ).execute
 
-    def filter(self, symbol: Array, values: Array, out: Array | None = None) -> Array:
+    def filter(self, symbol: Array, values: Array) -> Array:
         """The field whose spectrum is that of `values` times `symbol`, which holds the normalisation; one pair.
 
         Parameters
         ----------
         symbol : array of the shape of the spectrum
             Times `normalisation`.
-        values, out : array (n, n)
+        values : array (n, n)
         """
         self._space[...] = values
         self._forward()
         np.multiply(self._spectrum, symbol, out=self._spectrum)
         self._inverse()
         self.counter.add()
-        if out is None:
-            return np.array(self._space)
-        out[...] = self._space
-        return out
+        return np.array(self._space)

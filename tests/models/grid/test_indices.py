@@ -71,7 +71,7 @@ def test_folds_of_one_corner_come_as_the_direction_turns_the_shorter_way(
     turning.begin(*reversed(before))
     for kind in order:
         turning.fold(CONTROLS[kind])
-    turning.end()
+    turning._piece(turning.present)
     indices = Hodograph(np.array(turning.angles), start)
     (by_load, rise), (held, forward) = indices.pieces(LOAD), indices.pieces(DISPLACEMENT)
     assert (held[0], held[-1]) == (start, end)
