@@ -245,6 +245,33 @@ def test_laws_are_compared(curve):
     assert min(above["jkr"], above["dmt"], above["van-der-waals"]) > 10.0
 
 
+GAPS = np.linspace(0.0, 40.0, 400)
+EXPONENTIAL = cb.Exponential(work_of_adhesion=0.03, range=2.0)
+
+
+@pytest.mark.parametrize(
+    ("tip", "law"),
+    [
+        (cb.SphericalCap(1000.0), EXPONENTIAL),
+        (cb.Parabola(1000.0), EXPONENTIAL + cb.Exponential(work_of_adhesion=-0.001, range=1.0)),
+        (cb.Parabola(1000.0), cb.Tabulated(gaps=GAPS.tolist(), energies=(-0.03 * np.exp(-GAPS / 2.0)).tolist())),
+    ],
+)
+def test_curves_that_are_traced_for_a_fit_have_the_jumps_of_loops(tip, law):
+    contact = cb.Contact.physical(tip=tip, modulus=1.0, interaction=law)
+    loop = cb.hysteresis(contact, control=cb.Spring(2.0), max_load=200.0)
+    for leg, jump in zip(legs(curve_of(contact, 250.0), 2.0), loop.jumps, strict=True):
+        assert leg.jump.piezo == pytest.approx(jump.position, abs=2e-3)
+        assert leg.jump.before == pytest.approx(jump.start.load, abs=0.04)
+        assert leg.jump.after == pytest.approx(jump.to.load, abs=0.01)
+
+
+def test_a_fit_without_time_for_a_curve_says_so(curve):
+    contact = cb.Contact.physical(radius="1 um", modulus="1 GPa", interaction=EXPONENTIAL + EXPONENTIAL)
+    with pytest.raises(cb.ModelError, match=r"^The time limit of 0.001 s was reached"):
+        cb.fit(curve, contact, ("modulus",), time_limit=1e-3)
+
+
 def test_a_fit_can_be_stopped_and_wrong_names_are_refused(curve):
     for limit in (0.001, 0.05, 0.09):
         fit = cb.fit(curve, contact(), time_limit=limit)

@@ -178,7 +178,8 @@ class Comparison:
             k = int(np.argmin(score))
             width = math.hypot(float(abs(np.diff(self.curve.piezo[own[k : k + 2]])[0])), math.sqrt(12.0) * spread)
             before, after = int(own[k]), int(own[k + 1])
-            found[name] = MeasuredJump(before, after, place, float(self.curve.force[before]), step, width)
+            forces = self.curve.force[[before, after]]
+            found[name] = MeasuredJump(before, after, place, float(forces[0]), float(forces[1] - forces[0]), width)
         return Comparison.of(self.curve, replace(self.seen, **found)) if found else self
 
     @property

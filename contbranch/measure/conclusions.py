@@ -49,7 +49,9 @@ def concluded(minimiser: Minimiser, found: Minimum) -> Fit:
         values=values,
         errors=spreads,
         correlations=Correlations(tuple(values), covariance / np.outer(safe, safe)),
-        identifiable=() if tied or _elsewhere(minimiser, found) else _known(minimiser, found, values, spreads),
+        identifiable=()
+        if tied or not found.converged or _elsewhere(minimiser, found)
+        else _known(minimiser, found, values, spreads),
         jumps=_jumps(minimiser, found.comparison.seen, state, *minimiser.legs(problem, state)),
         rms=found.rms,
         noise=minimiser.seen.noise,
@@ -112,7 +114,7 @@ def _jumps(minimiser: Minimiser, seen: Features, state: State, approach: Leg, re
         measured = fitted = None
         if jump is not None:
             measured = {"piezo": jump.piezo, "force": jump.force - baseline - tilt * jump.piezo, "step": jump.step}
-            measured["uncertainty"] = 4 * seen.noise + (_change(leg, jump.width) if leg is retract else 0.0)
+            measured["uncertainty"] = 4 * seen.noise + _change(leg, jump.width)
         own = leg.jump  # which is one if it was seen, or should have been
         if own is not None and (jump is not None or abs(own.step) > 8 * minimiser.seen.noise):
             gain = minimiser.gain(state)
@@ -127,15 +129,16 @@ def _message(minimiser: Minimiser, found: Minimum, fit: Fit) -> str:
     values, errors, matrix, known = fit.values, fit.errors, fit.correlations.matrix, fit.identifiable
     names, problem, words = list(values), found.problem, []
     if not found.converged:
-        words.append("The minimisation did not converge.")
+        words.append("The minimisation did not converge: values and errors are those of where it has come to.")
     rest = _elsewhere(minimiser, found)
     if rest:
         words.append(
             f"This is not a curve of such a contact: it is {rest:.3g} nN away from the closest one (pull-off "
             f"{-minimiser.seen.lowest:.3g} nN), and the values mean nothing."
         )
-    words.append(f"The data determine {_listed(known)}." if known else "The data determine none of the values.")
-    for name in (name for name in names if name not in known):
+    if found.converged:
+        words.append(f"The data determine {_listed(known)}." if known else "The data determine none of the values.")
+    for name in (name for name in names if found.converged and name not in known):
         error = abs(errors[name] / values[name]) if values[name] else math.inf
         words.append(f"They do not determine {name}{f' (± {100 * error:.0f} %)' if KNOWN < error < 10 else ''}.")
     tied = [

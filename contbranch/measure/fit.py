@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from time import perf_counter
 
@@ -93,7 +94,7 @@ def fit(
     InputError
         If an argument cannot be used, or the curve has nothing to fit: no contact, no adhesion, reversed signs.
     ModelError
-        If the contact cannot be traced anywhere near the curve.
+        If the contact cannot be traced anywhere near the curve, or not in time.
     """
     if not isinstance(curve, ForceCurve):
         raise InputError(f"curve: {type(curve).__name__}; must be a ForceCurve, such as cb.read_force_curve(path)")
@@ -107,7 +108,11 @@ def fit(
         work = sum(term.work_of_adhesion for term in terms_of(contact.interaction))
         minimiser = Minimiser(curve.with_spring(spring), adhesive=work > 0)
         fitting = _Fitting(minimiser, contact, named(free), named(fixed))
-        found = fitting.compared() if law == "compare" else concluded(minimiser, fitting.profiled(fitting.law(law)))
+        try:
+            found = fitting.compared() if law == "compare" else concluded(minimiser, fitting.profiled(fitting.law(law)))
+        except INTERRUPTIONS as error:
+            caught(error)
+            raise ModelError(told("fit: no contact was compared with the curve by then.")) from None
         found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, minimiser.evaluations))
     return watch.passed(found)
 
@@ -203,10 +208,10 @@ class _Fitting:
                 failure = error
             except INTERRUPTIONS as error:
                 caught(error)
-                with finishing():  # the start itself is there then
+                with finishing(), suppress(ModelError):  # the start itself is there then
                     tried.append(self.minimiser.minimised(pilot, x, self.minimiser.samples, (rough, 1)))
         if not tried:
-            raise ModelError(f"fit: the contact cannot be traced near the curve. {failure}")
+            raise ModelError(told(f"fit: the contact cannot be traced near the curve. {failure or ''}".strip()))
         tried.sort(key=lambda one: one.cost)
         chosen = _distinct([one for one in tried if one.cost <= WITHIN * tried[0].cost + TOLD])[:BEST]
         found: list[Minimum] = []
@@ -215,9 +220,14 @@ class _Fitting:
             fits = found and found[0].cost < MISFIT**2 * found[0].comparison.samples.size
             if found and (over() or (fits and worse)):  # one start has led to a fit, this one was clearly worse
                 break
-            one = self.minimiser.minimised(problem, one.x, self.minimiser.samples, (max(noise, 0.2 * rough), TRIED))
-            for evaluations in (TRIED, MOST):  # each time with jumps where the last one puts them
-                one = self.minimiser.minimised(problem, one.x, self.minimiser.labelled(one), (noise, evaluations))
+            try:
+                one = self.minimiser.minimised(problem, one.x, self.minimiser.samples, (max(noise, 0.2 * rough), TRIED))
+                for evaluations in (TRIED, MOST):  # each time with jumps where the last one puts them
+                    one = self.minimiser.minimised(problem, one.x, self.minimiser.labelled(one), (noise, evaluations))
+            except ModelError:
+                if not over():
+                    raise
+                one = replace(one, converged=False)  # the curve that leads close enough is all there is
             found.append(one)
         best = min(found, key=lambda one: one.cost)
         spread = self.minimiser.spread(best)

@@ -165,13 +165,15 @@ class Minimiser:
         residuals = self.residuals(problem, comparison, spread)
 
         def slopes(at: Array) -> Array:
-            reached[:] = at
             length = problem.state(at).contact.scales.normal
             steps = STEP * np.array([length if name == "contact_point" else 1.0 for name in problem.names])
             steps = np.where(at + steps < high, steps, -steps)
             base = residuals(at)
-            return np.array([(residuals(at + step) - base) / step.sum() for step in np.diag(steps)]).T
+            found = np.array([(residuals(at + step) - base) / step.sum() for step in np.diag(steps)]).T
+            known[:] = [(at.copy(), base, found)]
+            return found
 
+        known: list[tuple[Array, Array, Array]] = []  # where it has come to
         reached = np.clip(x, low, high)
         try:
             found = scipy.optimize.least_squares(
@@ -190,8 +192,10 @@ class Minimiser:
         except INTERRUPTIONS as error:
             caught(error)
             with finishing():
-                last = residuals(reached)
-                return Minimum(problem, comparison, reached, loss(last), last, slopes(reached), False, spread)
+                if not known:
+                    slopes(reached)
+            at, last, derivatives = known[0]
+            return Minimum(problem, comparison, at, loss(last), last, derivatives, False, spread)
         last = np.asarray(found.fun)
         return Minimum(problem, comparison, found.x, loss(last), last, slopes(found.x), found.status > 0, spread)
 

@@ -35,7 +35,7 @@ from contbranch.errors import InputError, ModelError
 from contbranch.models.choice import choose
 from contbranch.theory import maugis
 from contbranch.theory._dugdale import Zone
-from contbranch.watch import check
+from contbranch.watch import check, over
 
 # Tabor coefficients between which curves are tabulated, and their ratio from one to the next.
 TABOR = (0.0302, 24.5)
@@ -47,6 +47,10 @@ PLACES = (240, 360)
 FINER = 5
 # Rows between which curves are interpolated are at most so far apart.
 APART = 0.08
+# By how much closer rows are where curves may have corners.
+CORNERED = 2.0
+# Rows that are closer are one.
+CLOSE = 1e-9
 # Accuracy of tabulated curves, and of those that are traced each time.
 ACCURACY, COARSE = 1e-6, 1e-5
 # Curves end at loads of this many R Δγ, or a power of it.
@@ -185,13 +189,15 @@ def _node(law: str, sign: float, node: int, top: float) -> Array:
     return np.concatenate([_finer(made[:, : touch + 1]), _finer(made[:, touch:])[:, 1:]], axis=1)
 
 
-def _finer(rows: Array, smooth: bool = True) -> Array:
-    """Rows (2, M) with `FINER` steps in place of each; by splines that follow corners where rows are not smooth."""
+def _finer(rows: Array, at: Array | None = None) -> Array:
+    """Rows (2, M) with `FINER` steps in place of each; of those at given places by splines that follow corners."""
     from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
-    last = rows.shape[1] - 1
-    spline = (CubicSpline if smooth else Akima1DInterpolator)(np.arange(last + 1), rows, axis=1)
-    return spline(np.linspace(0, last, FINER * last + 1))
+    count = np.arange(rows.shape[1])
+    finer = np.linspace(0, count[-1], FINER * count[-1] + 1)
+    if at is None:
+        return CubicSpline(count, rows, axis=1)(finer)
+    return Akima1DInterpolator(at, rows, axis=1)(np.interp(finer, count, at))
 
 
 def _made(law: type[Interaction], sign: float, node: int, top: float) -> Array:
@@ -278,7 +284,16 @@ def _traced(contact: Contact, largest: float) -> Curve:
 
 @lru_cache(maxsize=KEPT)
 def _reduced(contact: Contact, top: float) -> Curve:
-    return Curve(*_finer(_rows(_track(contact, COARSE, top))[1:], smooth=False))
+    track = _track(contact, COARSE, top)
+
+    def power(y: Array) -> Array:
+        return CORNERED * _power(y, 1.0 / track.problem(0).scale)
+
+    rows = _rows(track, power)
+    steps = np.append(1.0, np.abs(np.diff(power(rows[0]))))
+    rows, steps = rows[:, steps > CLOSE], steps[steps > CLOSE]
+    load, displacement = _finer(rows[1:], np.cumsum(steps))
+    return Curve(np.append(0.0, load), np.append(-_FAR, displacement))
 
 
 def _rounded(part: Any) -> Any:
@@ -289,6 +304,8 @@ def _rounded(part: Any) -> Any:
 
 def _track(contact: Contact, accuracy: float, top: float) -> Track:
     """The curve of a reduced contact with rows close enough to draw it."""
+    if over():
+        raise ModelError("the curve of the contact was not traced in time")
     try:
         model, _ = choose(contact, "auto")
         problem = getattr(model, "problem", None)
