@@ -402,3 +402,34 @@ def test_missing_file(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match=r"binary.toml: not UTF-8 text; must be"):
         read_contact(tmp_path / "binary.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "words"),
+    [
+        (
+            "r [um],z [um]\n0,0\n0.5,0.1\n1,0.5\n2,2\n",
+            "nm",
+            r"tip.csv, line 1: .* has the unit um, and the contact file says nm",
+        ),
+        ("r [nm],z [nm]\n0,0\n0.5,0.1\n1,0.5\n2,2\n", "nm", None),
+        ("0;0\n0,5;0,1\n1;0,5\n2;2\n", "nm", None),
+    ],
+)
+def test_columns_of_files_say_their_units_and_may_have_decimal_commas(tmp_path, text, unit, words):
+    (tmp_path / "tip.csv").write_text(text)
+    file = tmp_path / "c.toml"
+    tip = f'shape = "profile"\nfile = "tip.csv"\nlength_unit = "{unit}"'
+    file.write_text(f'[tip]\n{tip}\n[material]\nmodulus = "1 GPa"\n')
+    if words is not None:
+        with pytest.raises(InputError, match=words):
+            Contact.from_file(file)
+        return
+    assert list(Contact.from_file(file).tip.radii) == [0.0, 0.5, 1.0, 2.0]
+
+
+def test_a_slope_is_no_angle_and_a_minus_may_be_typeset():
+    with pytest.raises(InputError, match="slope: '45 deg' is an angle"):
+        Contact.physical(tip="cone", slope="45 deg", modulus="1 GPa")
+    made = Contact.physical(radius="1 um", modulus="1 GPa", interaction="gauss", work_of_adhesion="−40 mN/m", range=1.0)
+    assert made.interaction.work_of_adhesion == -0.04

@@ -139,7 +139,11 @@ def parse_uncertainties(texts: Sequence[str], request: Request) -> dict[str, flo
     for text, (name, _, value) in zip(texts, pairs, strict=True):
         if not (name.strip() and value.strip()):
             raise InputError(f"--uncertainty: {text!r}; write NAME=X, for example range=0.1nm")
-    given = {name.strip(): value.strip() for name, _, value in pairs}
+    given: dict[str, str] = {}
+    for name, _, value in pairs:
+        if name.strip() in given:
+            raise InputError(f"--uncertainty: {name.strip()} is given twice; give it once")
+        given[name.strip()] = value.strip()
     return read_quantities(request.contact, given, "--uncertainty")
 
 

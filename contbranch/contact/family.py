@@ -244,7 +244,7 @@ def value_of(contact: Contact, vary: Vary, value: object, field: str) -> float:
     InputError
         If it cannot be used.
     """
-    if vary == "stiffness" and value == math.inf:
+    if vary == "stiffness" and value in (math.inf, "inf"):
         return math.inf
     if isinstance(vary, str) and isinstance(value, str):
         return contact.units.read(value, dimension_of(contact, vary), field)

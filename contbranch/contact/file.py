@@ -246,7 +246,8 @@ class _Reader:
             path = table.pop("file")
             if not isinstance(path, str):
                 raise InputError(f"{field}.file: {path!r}; must be the name of a text file with two columns")
-            table.update(zip(units, _read_columns(self._folder / path, f"{field}.file"), strict=True))
+            said = [table.get(key, "") for key in units.values()]
+            table.update(zip(units, _read_columns(self._folder / path, f"{field}.file", said), strict=True))
         for name in units:
             if name not in table:
                 raise InputError(f"{field}.{name}: missing; give the lists {' and '.join(units)}, or a file")
@@ -279,8 +280,11 @@ def _multiplied(values: object, factor: float, field: str) -> list[float]:
     return [finite_number(value, field) * factor for value in values]
 
 
-def _read_columns(path: Path, field: str) -> tuple[list[float], list[float]]:
-    """Return the first two columns of a text file; InputError names `field`, file and line that is not two numbers."""
+def _read_columns(path: Path, field: str, units: Iterable[str]) -> tuple[list[float], list[float]]:
+    """Return the first two columns of a text file; InputError names `field`, file and line that is not two numbers.
+
+    Between semicolons a comma is a decimal one. Names may have their units in brackets, which must be those given.
+    """
     try:
         lines = read_text(path).splitlines()
     except InputError as error:
@@ -288,7 +292,9 @@ def _read_columns(path: Path, field: str) -> tuple[list[float], list[float]]:
     columns: tuple[list[float], list[float]] = ([], [])
     names_allowed = True
     for count, line in enumerate(lines, start=1):
-        cells = re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip().strip(",;"))
+        line = line.partition("#")[0].strip().strip(",;")
+        decimal = line.replace(",", ".") if ";" in line and "." not in line else line
+        cells = re.split(r"\s*[,;]\s*|\s+", decimal)
         if cells == [""]:
             continue
         try:
@@ -296,6 +302,12 @@ def _read_columns(path: Path, field: str) -> tuple[list[float], list[float]]:
         except ValueError:
             if names_allowed:
                 names_allowed = False
+                for found, unit in zip(re.findall(r"\[(.*?)\]", line), units, strict=False):
+                    if found.strip() != unit:
+                        raise InputError(
+                            f"{field}: {path}, line {count}: {line!r} has the unit {found}, and the contact file says "
+                            f"{unit or 'none'} for that column; let both be the same"
+                        ) from None
                 continue
             raise InputError(f"{field}: {path}, line {count}: {line.strip()!r}; must be two numbers") from None
         names_allowed = False

@@ -34,6 +34,7 @@ _DIMENSIONS: dict[str, tuple[str, str, str]] = {
 # Accuracies that may be asked for.
 FINEST, COARSEST = 1e-13, 1e-2
 
+_ANGLE = re.compile(r"°|deg|rad|grad|gon|turn|arc", re.IGNORECASE)
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\s\d.+-].*?)?\s*")
 
 
@@ -161,6 +162,7 @@ def parse(value: object, dimension: str, field: str) -> float:
     if not isinstance(value, str):
         return finite_number(value, field)
     example = _DIMENSIONS[dimension][2]
+    value = value.replace("\N{MINUS SIGN}", "-")
     match = _QUANTITY.fullmatch(value)
     if match is None or re.match(r",\d", match[2] or ""):
         dotted = value.replace(",", ".")
@@ -171,6 +173,8 @@ def parse(value: object, dimension: str, field: str) -> float:
         if dimension == "dimensionless":
             return number
         raise InputError(f"{field}: {value!r} has no unit; write for example {example}")
+    if field.endswith("slope") and _ANGLE.match(unit):
+        raise InputError(f"{field}: {value!r} is an angle; give a number, its tangent")
     try:
         return finite_number(number * _factor(unit, dimension), field)
     except ValueError as error:

@@ -11,6 +11,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.contact.interaction_law import places_of, terms_of
+from contbranch.contact.tips import Parabola
 
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 STEEPEST = 0.3
 # Radii, in units of the tip's own, at which v r² is compared with itself farther out.
 FAR = 1e12
+# Range of a law in radii of a parabola from which on a round tip is told from it.
+FAR_ROUND = 0.1
 # Diameter of the smallest atom, nm.
 ATOM = 0.1
 # Lengths in nm and moduli in nN/nm² (GPa) that nothing has: diamond has 1100 GPa.
@@ -111,6 +114,11 @@ def notes(contact: Contact, load: Array, displacement: Array, contact_radius: Ar
             "elasticity, which holds for small slopes."
         )
     for name, part in _named(contact):
+        if isinstance(contact.tip, Parabola) and getattr(part, "range", 0.0) > FAR_ROUND * contact.tip.radius:
+            found.append(
+                f"{name}.range: is {part.range / contact.tip.radius:.2g} of the tip's radius. Out to where it acts a "
+                "round tip is no parabola: loads differ by as much, relatively; spherical-cap is a sphere."
+            )
         if getattr(part, "range", ATOM) < ATOM:
             found.append(f"{name}.range: {part.range:.3g} nm is less than an atom's size ({ATOM:g} nm).")
     return " ".join(found)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from contbranch.contact.family import Family, Vary, family_of, value_of
-from contbranch.contact.units import Quantity, accuracy_of, finite_number
+from contbranch.contact.units import Quantity, accuracy_of
 from contbranch.continuation import Point
 from contbranch.control import Control, as_control
 from contbranch.curve.event_curve import EventCurve, condition_for
@@ -125,7 +125,7 @@ def followed(event: Event, family: Family, goals: tuple[float, ...], accuracy: f
         status="complete" if curve.complete and not over() else "incomplete",
         message=told(curve.message),
         unit_names=family.contact.units.names,
-        solver=one_thread(lambda value: curve.at(value if value == math.inf else finite_number(value, "value"))),
+        solver=one_thread(lambda value: curve.at(value_of(family.contact, family.name, value, "value"))),
     )
 
 

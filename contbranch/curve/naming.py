@@ -5,15 +5,19 @@ from __future__ import annotations
 import operator
 from collections.abc import Sequence
 
+import numpy as np
+
 from contbranch.contact.interaction_law import terms_of
-from contbranch.contact.interactions import Interaction, Layered
+from contbranch.contact.interactions import INTERACTIONS, Interaction, Layered, Tabulated
 from contbranch.results.diagram import Event
 
-__all__ = ["fold_name", "number_layers", "threshold_events", "thresholds"]
+__all__ = ["fold_name", "number_layers", "signs_of", "threshold_events", "thresholds"]
 
 # Folds at which a control has a maximum along the curve, and a minimum.
 MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
 ATTRACTIVE = (MAXIMA[1], MINIMA[1])
+# Energies, as a share of the largest, that do not count as another sign, and places where they are looked at.
+WEAK, SAMPLES = 1e-2, 400
 
 
 def fold_name(interaction: Interaction | None, control: str | None, load: float, lost_on_increase: bool) -> str:
@@ -29,13 +33,26 @@ def fold_name(interaction: Interaction | None, control: str | None, load: float,
     lost_on_increase : bool
         Whether the stable part lies at smaller values of the control.
     """
-    terms = terms_of(interaction)
-    works = [term.work_of_adhesion for term in terms]
-    mixed = min(works, default=0.0) < 0 < max(works, default=0.0) or any(isinstance(term, Layered) for term in terms)
-    attracts = max(works, default=0.0) > 0
-    if mixed:
+    attracts, repels = signs_of(interaction)
+    if attracts and repels:
         attracts = load < 0 and not (control == "load" and lost_on_increase)
     return (MAXIMA if lost_on_increase else MINIMA)[attracts]
+
+
+def signs_of(interaction: Interaction | None) -> tuple[bool, bool]:
+    """Whether an interaction attracts, and whether it repels, at some gap each; of layers it does both.
+
+    Tables and laws of the user's may change sign: their energies are looked at, but for a hundredth of the largest.
+    """
+    energies = [0.0]
+    for term in terms_of(interaction):
+        if isinstance(term, Layered):
+            return True, True
+        energies.append(-term.work_of_adhesion)
+        if isinstance(term, Tabulated) or type(term) is not INTERACTIONS.get(term.name):
+            found = np.nan_to_num(term.evaluate(np.linspace(0.0, term.reach(WEAK), SAMPLES)).energy)
+            energies[-1:] = found[np.abs(found) > WEAK * np.abs(found).max()].tolist()
+    return min(energies) < 0.0, max(energies) > 0.0
 
 
 def number_layers(

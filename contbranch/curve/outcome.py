@@ -18,7 +18,7 @@ from contbranch.contact.tips import Parabola
 from contbranch.contact.units import Scales
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import Control, Spring, as_control
-from contbranch.curve.naming import fold_name, number_layers, threshold_events
+from contbranch.curve.naming import fold_name, number_layers, signs_of, threshold_events
 from contbranch.curve.problem import EquilibriumProblem
 from contbranch.errors import InputError
 from contbranch.results.diagram import (
@@ -266,8 +266,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         raws += other.events
         others = (_event(contact, raw, None, choice.kind) for raw in other.events)
         events += tuple(replace(event, branch=number) for event in others)
-    terms = terms_of(contact.interaction)
-    repulsive = bool(terms) and all(term.work_of_adhesion < 0 for term in terms)
+    repulsive = signs_of(contact.interaction) == (False, True)
     told = threshold_events(events[: len(curve.events)], repulsive) if curve.complete or events else {}
 
     @one_thread

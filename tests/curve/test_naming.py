@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.curve.naming import fold_name, number_layers, thresholds
+from contbranch.curve.naming import fold_name, number_layers, signs_of, thresholds
 from contbranch.results.diagram import Event
 
 ATTRACTION, REPULSION = cb.Exponential(1.0, 1.0), cb.Gauss(-2.0, 1.0)
@@ -107,3 +108,22 @@ def test_a_secondary_minimum_over_a_repulsive_film_is_complete():
     assert diagram.thresholds["pull_off_load"] < 0
     assert all(event.load < 0 for event in diagram.folds() if event.name in ("pull-off", "jump-in"))
     assert all(event.load > 0 for event in diagram.folds() if event.name in ("squeeze-out", "wetting"))
+
+
+def test_tables_that_change_sign_are_named_as_the_sums_they_are_of() -> None:
+    """Van der Waals and double layer, as two laws and as a table of their energies."""
+    gaps = np.linspace(0.0, 60.0, 2000)
+    energies = -0.03 / (1.0 + (gaps / 0.5) ** 2) + 0.02 * np.exp(-gaps / 3.0)
+    diagram = cb.trace(
+        cb.Contact.physical(
+            radius="1 um",
+            modulus="10 GPa",
+            interaction=cb.Tabulated(gaps=gaps.tolist(), energies=energies.tolist()),
+        ),
+        accuracy=1e-4,
+    )
+    assert diagram.thresholds["squeeze_out_load"] == pytest.approx(57.579, abs=0.02)
+    assert diagram.thresholds["pull_off_load"] < -50.0
+    assert signs_of(cb.Gauss(-1.0, 1.0)) == (False, True)
+    assert signs_of(cb.Gauss(1.0, 1.0)) == (True, False)
+    assert signs_of(None) == (False, False)
