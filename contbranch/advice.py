@@ -268,6 +268,6 @@ def _choice(candidates: list[Candidate], accuracy: float, truth: Diagram | None)
     enough = [one for one in candidates if one.worst is not None and one.worst <= accuracy]
     if enough:
         best = enough[0]
-        return best.model, f"The cheapest with errors below {accuracy:g} (largest {best.worst or 0.0:.2g})."
+        return best.model, f"The cheapest with errors up to {accuracy:g} (largest {best.worst or 0.0:.2g})."
     best = min((one for one in candidates if one.worst is not None), key=lambda one: one.worst or 0.0)
     return best.model, f"None has errors below {accuracy:g}; this one has the smallest (largest {best.worst:.2g})."

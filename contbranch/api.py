@@ -342,7 +342,7 @@ def phase_diagram(
     start : float, optional
         Present value of the parameter of a function.
     samples : int
-        Values at which the contact is traced, at least 3.
+        Values at which the contact is traced, at least 3; it is traced on both sides of special points, too.
     accuracy : float
         Of the boundaries, as for `follow`.
     progress, time_limit

@@ -24,6 +24,8 @@ __all__ = ["Regions"]
 # An event lies on a followed curve if that passes it as closely as this, relative to max(1, |value|) in reduced units.
 SAME = 1e-4
 LEVELS = 161
+# Distance from a special point at which curves are traced, in that of those traced anyway.
+BESIDE = 0.02
 # Room beyond the boundaries, as a share of their extent.
 MARGIN = 0.12
 
@@ -50,6 +52,7 @@ class Regions:
     accuracy: float
     trace: Callable[[Contact], Diagram]
     boundaries: list[Followed] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
     parts: list[tuple[Part, ...]] = field(default_factory=list)
     messages: list[str] = field(default_factory=list)
     newton: int = 0
@@ -61,11 +64,13 @@ class Regions:
         values = [family.value(float(q)) for q in np.linspace(low, high, samples)]
         values[0], values[-1] = self.between
         kept(lambda: self._sample(values), None)
+        kept(lambda: self._sample(self._beside_special()), None)
+        order = np.argsort(self.values, kind="stable").tolist()
         return PhaseDiagram(
             parameter=family.name,
             control=self.kind,  # type: ignore[arg-type]
-            values=np.array(values[: len(self.parts)]),
-            parts=tuple(self.parts),
+            values=np.array([self.values[k] for k in order]),
+            parts=tuple(self.parts[k] for k in order),
             levels=self._levels(),
             boundaries=tuple(self.boundaries),
             contact=family.contact,
@@ -83,6 +88,21 @@ class Regions:
                 tell(0.0, f"{self.family.name} {value:.4g}")
                 self._add(value)
 
+    def _beside_special(self) -> list[float]:
+        """Values on both sides of every special point, close to it: the parts change there."""
+        special = [one.value for found in self.boundaries for one in found.special if one.control is None]
+        known = np.array([self.family.coordinate(value) for value in self.values])
+        if known.size < 2:
+            return []
+        places = np.array([self.family.coordinate(value) for value in special])
+        places = places[(places > known.min()) & (places < known.max())]
+        apart = np.ptp(known) / (known.size - 1)
+        found: list[float] = []
+        for place in sorted(p + side * BESIDE * apart for p in places for side in (-1.0, 1.0)):
+            if min(abs(place - other) for other in (*known, *found)) > 0.5 * BESIDE * apart:
+                found.append(place)
+        return [self.family.value(place) for place in found]
+
     def _add(self, value: float) -> None:
         """Trace the curve at a value, and follow the events on it that lie on no known boundary."""
         member = self.family.member(value)
@@ -93,6 +113,7 @@ class Regions:
             self.messages.append(f"At {self.family.name} = {value:.4g}: {diagram.message}")
         edges = [e for e in diagram.events if e.kind == "touch" or (e.kind == "fold" and e.control == self.kind)]
         ends = sorted([*edges, *_begun_on_rings(diagram)], key=lambda e: e.position)
+        self.values.append(value)
         self.parts.append(_parts(diagram, ends, self.kind))
         known = [k for boundary in self.boundaries for k in _met(boundary, edges, value, member)]
         for k, event in enumerate(edges):

@@ -10,6 +10,7 @@ from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from contbranch.errors import InputError
 from contbranch.output.plot import draw, figure_content
 from contbranch.output.summary import Cells, parts
 
@@ -24,7 +25,10 @@ PATIENCE = 1.0
 
 def as_png(result: Result) -> bytes | None:
     """The figure of a result, as `contbranch.output.plot.draw` draws it; None for one that is a table alone."""
-    return figure_content(draw(result), ".png", dpi=200) if hasattr(result, "plot") else None
+    try:
+        return figure_content(draw(result), ".png", dpi=200)
+    except InputError:  # nothing to draw, or too many parameters for a picture
+        return None
 
 
 def as_html(result: Result) -> str:

@@ -56,6 +56,8 @@ def draw(result: Any) -> Figure:
     if isinstance(result, Solution):
         flat = result.in_cell is not None and not (result.contact is not None and result.contact.tip.is_axisymmetric)
         return cell_maps(result, result.units) if flat else profiles(result, result.units)
+    if not hasattr(result, "plot"):
+        raise InputError(f"plot: {type(result).__name__} is a table, and has no figure; draw one of its states")
     figure: Figure = result.plot()
     return figure
 

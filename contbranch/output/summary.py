@@ -24,6 +24,7 @@ from contbranch.results.table import with_unit
 from contbranch.watch import Progress
 
 _DIGITS = 15  # what a double can hold
+SMALLEST = -6  # power of ten of numbers below which they are written with it
 _SILENCE = 10.0  # seconds between two lines of progress
 _ROWS = 12  # of a followed curve; all of it is in the JSON document
 _LEFT = ("control", "unit", "stable under")  # columns of words, besides the first
@@ -105,7 +106,8 @@ def _states(states: Sequence[State], units: UnitNames) -> Cells:
     for state in states:
         known = ("load", "displacement", *(() if state.unstable_spring is None else ("spring",)))
         controls = [control for control in known if state.stable(control)]
-        rows.append([*_cells(state), f"{state.energy:.9g}", " and ".join(controls) or "neither"])
+        energy = with_error(state.energy, state.error.get("energy"))
+        rows.append([*_cells(state), energy, " and ".join(controls) or "neither"])
     return Cells([*_headings(units, (*OBSERVABLES, "energy")), "stable under"], rows)
 
 
@@ -163,8 +165,8 @@ def _sweep(sweep: Sweep, units: UnitNames) -> Parts:
         rows = [[f"{cell:.9g}" if isinstance(cell, float) else str(cell) for cell in row]
                 for row in zip(*(table.columns[name].tolist() for name in shown), strict=True)]  # fmt: skip
         yield Cells([with_unit(name.replace("_", " "), table.units.get(name, "")) for name in shown], rows)
-    for task in sweep.failed[:_ROWS]:
-        yield f"Task {task.index} failed: {task.message}"
+    for task in [task for task in sweep.tasks if task.status != "complete"][:_ROWS]:
+        yield f"Task {task.index} {task.status}: {task.message}"
 
 
 def _fit(fit: Fit, _: UnitNames) -> Parts:
@@ -248,6 +250,9 @@ def with_error(value: float, error: float | None) -> str:
     lead = math.floor(math.log10(abs(value))) if value else 0
     if error == 0.0:
         return f"{value:.{_DIGITS - 1}g}"
+    if lead < SMALLEST and error < abs(value):  # one would count zeros
+        mantissa = with_error(value * 10.0**-lead, error * 10.0**-lead)
+        return f"{mantissa}e{lead:03d}"
     place = min(-math.floor(math.log10(error)), _DIGITS - 1 - max(lead, 0))
     last = math.ceil(error * 10.0**place * (1.0 - 1e-9))
     if last == 10:  # 0.96 in the last place is 1 in the one before
