@@ -47,6 +47,8 @@ const wait = setInterval(() => {
   choose("loop", Math.floor(byId("loop").max / 2), "input");
   seen.jumps = document.querySelectorAll("#diagram path.jump").length;
   seen.stops = Number(byId("loop").max);
+  if (!looped()) seen.kept = travel().jumps.filter((jump) => jump[1]).map((jump) =>
+    jump.map(([b, i]) => between(drive(item().branches[b]), i)));
   if (byId("parameter0")) {
     choose("parameter0", 1, "input");
     Object.assign(seen, { item: view.item, told: byId("status").textContent });
@@ -131,7 +133,9 @@ def test_pointing_at_the_curve_shows_the_profile_computed_there(kind: str) -> No
         state = film().branches[0].state(shown["row"])
         assert shown["gap"] == pytest.approx(np.interp(shown["r"], state.r, state.gap), rel=1e-4, abs=1e-6)
     assert seen["unstable"] >= 1
-    assert seen["jumps"] == 2  # out of the film, and back
+    assert seen["jumps"] == len(seen["kept"]) == 2  # out of the film, and back
+    for before, after in seen["kept"]:  # at one value of the control
+        assert after == pytest.approx(before, rel=1e-5, abs=1e-6)
     assert seen["stops"] > 100
     assert seen["events"] == 6
     assert kind == "diagram" or (seen["item"] == 1 and "-0.9" in seen["told"].replace("−", "-"))

@@ -123,9 +123,14 @@ function drawDiagram() {
     }
   }
   const loop = journey();
-  if (view.step !== null || item().loop) {
+  if (view.step !== null || looped()) {
     for (const leg of loop.legs) draw("path", { class: "loop", d: line(leg.x, leg.y, plot.px, plot.py) }, plot.inside);
     for (const [a, b] of loop.jumps) draw("path", { class: "jump", d: line([a[0], b[0]], [a[1], b[1]], plot.px, plot.py) }, plot.inside);
+  }
+  if (view.step !== null) for (const [x, y] of loop.lost || []) {
+    const far = plot.px(x) > box.left + 0.6 * box.width;
+    draw("text", { x: plot.px(x) + (far ? -12 : 12), y: plot.py(y) + 22, "text-anchor": far ? "end" : "start" }, svg,
+      "jumps to no state of this curve");
   }
   const placed = [];
   for (const event of item().events) {
@@ -304,13 +309,20 @@ function drive(branch) {
   const load = array(branch.fine.load), d = array(branch.fine.displacement);
   return view.control === "load" ? load : view.control === "displacement" ? d : d.map((v, i) => v + load[i] / item().stiffness);
 }
+function between(values, i) {  // at a place between drawn points
+  const k = Math.floor(i);
+  return i === k ? values[k] : values[k] + (i - k) * (values[k + 1] - values[k]);
+}
 function height(branch, i, at) {
-  const load = array(branch.fine.load)[i], d = array(branch.fine.displacement)[i], energy = array(branch.fine.energy)[i];
+  const [load, d, energy] = ["load", "displacement", "energy"].map((name) => between(array(branch.fine[name]), i));
   if (view.control === "load") return energy - at * d;
   return view.control === "displacement" ? energy + load * (at - d) : energy + 0.5 * item().stiffness * (at - d) ** 2;
 }
 function locate(run, value) {
-  for (let i = run.start; i < run.stop; i++) if ((run.at[i] - value) * (run.at[i + 1] - value) <= 0) return Math.abs(run.at[i] - value) < Math.abs(run.at[i + 1] - value) ? i : i + 1;
+  for (let i = run.start; i < run.stop; i++) {
+    const before = value - run.at[i], after = value - run.at[i + 1];
+    if (before * after <= 0) return before === after ? i : i + before / (before - after);
+  }
   return null;
 }
 let travelled = { key: "", stops: [], jumps: [] };
@@ -321,7 +333,7 @@ function travel() {
   let run = all[0], i = run ? run.start : 0, direction = 1;
   for (let turn = 0; run && turn < 2 * all.length + 2; turn++) {
     const goal = run.up * direction > 0 ? run.stop : run.start;
-    for (; i !== goal; i += Math.sign(goal - i)) stops.push([run.b, i]);
+    for (; i !== goal; i = goal > i ? Math.floor(i) + 1 : Math.ceil(i) - 1) stops.push([run.b, i]);
     stops.push([run.b, i]);
     const forward = goal === run.stop;
     if ((forward && run.last) || (!forward && run.start === 0)) {
@@ -344,9 +356,10 @@ function travel() {
   travelled = { key, stops, jumps };
   return travelled;
 }
+const looped = () => Boolean(item().loop) && item().control === view.control;
 function journey() {
   const legs = [], jumps = [];
-  if (item().loop) {
+  if (looped()) {
     const x = array(item().loop[view.x]), y = array(item().loop[view.y]), leg = array(item().loop.leg), direction = array(item().loop.direction);
     for (let start = 0; start < x.length;) {
       let stop = start;
@@ -357,7 +370,7 @@ function journey() {
     }
     return { legs, jumps, count: x.length };
   }
-  const { stops, jumps: made } = travel(), at = ([b, i]) => [array(item().branches[b].fine[view.x])[i], array(item().branches[b].fine[view.y])[i]];
+  const { stops, jumps: made } = travel(), at = ([b, i]) => [view.x, view.y].map((name) => between(array(item().branches[b].fine[name]), i));
   const landed = new Set(made.filter((j) => j[1]).map((j) => String(j[1])));
   let leg = { x: [], y: [] };
   stops.forEach((stop, k) => {
@@ -370,13 +383,13 @@ function journey() {
     const before = at(from), after = at(to);  // what is controlled does not change
     jumps.push([before, [view.x, view.y].map((name, k) => name === view.control ? before[k] : after[k])]);
   }
-  return { legs, jumps, count: stops.length };
+  return { legs, jumps, lost: made.filter((jump) => !jump[1]).map((jump) => at(jump[0])), count: stops.length };
 }
 function play(step) {
   const first = view.step === null;
   view.step = step;
   if (first) drawDiagram();
-  if (item().loop) {
+  if (looped()) {
     const scale = (name) => { const v = array(item().loop[name]); return Math.max(...v) - Math.min(...v) || 1; };
     let best = Infinity, found = null;
     const at = ["load", "displacement", "contact_radius"].map((name) => [name, array(item().loop[name])[step], scale(name)]);
@@ -392,8 +405,8 @@ function play(step) {
   const stop = travel().stops[step];
   if (!stop) return drawProfile();
   const branch = item().branches[stop[0]];
-  const values = Object.fromEntries(NAMES.map((name) => [name, array(branch.fine[name])[stop[1]]]));
-  select(stop[0], Math.round(array(branch.position)[stop[1]]), values);  // the profile is that of the nearest point
+  const values = Object.fromEntries(NAMES.map((name) => [name, between(array(branch.fine[name]), stop[1])]));
+  select(stop[0], Math.round(between(array(branch.position), stop[1])), values);  // the profile is that of the nearest point
 }
 
 // Tables, menus, sliders ----------------------------------------------------------------------------------------------
