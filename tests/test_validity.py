@@ -53,12 +53,24 @@ def test_a_range_below_an_atoms_size_is_noted() -> None:
     assert cb.trace(physical(range=0.11)).message == ""
 
 
+def test_a_range_not_small_against_a_parabolas_radius_is_noted() -> None:
+    """A rigid sphere is pulled with less by about the ratio of both."""
+    message = cb.trace(physical(radius=10.0, range=2.0)).message
+    assert "interaction.range: is 0.2 of the tip's radius" in message
+    sphere = cb.Contact.physical(
+        tip="spherical-cap", radius=10.0, modulus=5.0, interaction="gauss", work_of_adhesion=0.04, range=2.0
+    )
+    assert "of the tip's radius" not in cb.trace(sphere).message
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
         ({"radius": 1e-6}, "tip.radius: 1e-06 is taken in nm; write '1e-06 m' if that is meant"),
         ({"range": 1e-9}, "interaction.range: 1e-09 is taken in nm; write '1e-09 m'"),
         ({"modulus": 5e9}, r"modulus: 5e\+09 is taken in nN/nm² = GPa, and diamond has 1100; write '5e\+09 Pa'"),
+        ({"modulus": "5 mPa"}, "modulus: 0.005 Pa is softer than any solid; mPa is a millipascal"),
+        ({"work_of_adhesion": "40 N/m"}, "interaction.work_of_adhesion: 40 N/m is more than any surface has"),
     ],
 )
 def test_numbers_in_metres_and_pascals_draw_a_warning(given: dict[str, float], words: str) -> None:

@@ -53,6 +53,7 @@ def _check(law: Interaction, field: str) -> None:
             )
         found.append((gap / law.range, answer))
     if failure is not None and not found:
+        failure.add_note(f"{name}: shape(x) is given an array, and must return f, f' and f'', each of its shape")
         raise failure
     _check_values(law, name, found)
     _check_derivatives(law, name, found)

@@ -31,6 +31,8 @@ ATOM = 0.1
 # Lengths in nm and moduli in nN/nm² (GPa) that nothing has: diamond has 1100 GPa.
 SHORTEST = 1e-3
 STIFFEST = 5e3
+# And below which none is: 1 Pa. A work of adhesion, nN/nm = N/m, that no surface has: diamond has about 10.
+SOFTEST, STRONGEST = 1e-9, 20.0
 
 
 def _named(contact: Contact) -> Iterator[tuple[str, Any]]:
@@ -53,6 +55,14 @@ def warn_of_units(contact: Contact) -> None:
             value = getattr(part, field)
             if dimension == "length" and isinstance(value, float) and 0.0 < value < SHORTEST:
                 _warn(f"{name}.{field}: {value:g} is taken in nm; write '{value:g} m' if that is meant")
+    if contact.modulus < SOFTEST:
+        _warn(
+            f"modulus: {1e9 * contact.modulus:.3g} Pa is softer than any solid; mPa is a millipascal, a million is MPa"
+        )
+    works = [(name, getattr(part, "work_of_adhesion", 0.0)) for name, part in _named(contact)]
+    for name, work in works:
+        if isinstance(work, float) and abs(work) > STRONGEST:
+            _warn(f"{name}.work_of_adhesion: {work:g} N/m is more than any surface has; write mN/m if that is meant")
     if contact.modulus > STIFFEST:
         value = f"{contact.modulus:g}"
         _warn(f"modulus: {value} is taken in nN/nm² = GPa, and diamond has 1100; write '{value} Pa' if that is meant")

@@ -329,7 +329,8 @@ class Curve:
             return point.observables[observable] if isinstance(observable, str) else float(point.x[observable])
 
         figure = Figure(layout="constrained")
-        axes = figure.add_subplot(xlabel="p", ylabel=observable if isinstance(observable, str) else "x")
+        shown = "‖x‖" if observable is None else observable if isinstance(observable, str) else f"x[{observable}]"
+        axes = figure.add_subplot(xlabel="p", ylabel=shown)
         axes.plot(self.parameter, [height(point) for point in self.points], ".-", markersize=3)
         markers = {"fold": "o", "branch point": "s"}
         for kind in dict.fromkeys(event.kind for event in self.events):

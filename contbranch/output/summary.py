@@ -130,19 +130,20 @@ def _loop(loop: Hysteresis, units: UnitNames) -> Parts:
 
 def _followed(followed: Followed, units: UnitNames) -> Parts:
     name, curve, error = followed.parameter, followed.curve, followed.error
+    varied = with_unit(name, followed.table().units.get(name, ""))
     count = len(curve["load"])
     rows = []
     for i in np.linspace(0, count - 1, min(count, _ROWS)).round().astype(int).tolist():
         cells = (with_error(float(curve[key][i]), float(error[key][i])) for key in OBSERVABLES)
         rows.append([str(i), f"{curve[name][i]:.9g}", *cells])
-    yield Cells(["", name, *_headings(units)], rows)
+    yield Cells(["", varied, *_headings(units)], rows)
     yield _BRACKETS
     if followed.special:
         rows = []
         for one in followed.special:
             title = f"{one.kind} ({one.control})" if one.control else one.kind
             rows.append([title, with_error(one.value, one.error[name] or None), *_cells(one)])
-        yield Cells(["special point", name, *_headings(units)], rows)
+        yield Cells(["special point", varied, *_headings(units)], rows)
         yield from dict.fromkeys(one.message for one in followed.special if one.message)
 
 

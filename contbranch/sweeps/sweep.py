@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -148,6 +149,13 @@ def _add(earlier: Sweep, tasks: Sequence[SweepTask], journal: Journal) -> None:
         journal.add(encoded({"key": one.key, "run": f"file-{one.key}", **about}, arrays), sync=False)
 
 
+def _dimension(contact: Contact, name: str) -> str:
+    """The dimension of a parameter; none of one that only other contacts of a list have."""
+    with suppress(InputError):
+        return dimension_of(contact, name)
+    return "dimensionless"
+
+
 def _result(design: Design, task: Task, keys: Sequence[str], journal: Journal, path: Path) -> Sweep:
     """What is known of the tasks."""
     tasks = []
@@ -160,7 +168,7 @@ def _result(design: Design, task: Task, keys: Sequence[str], journal: Journal, p
     contact: Any = getattr(task, "contact", design.contact)
     units: UnitNames = getattr(task, "unit_names", {})
     if isinstance(contact, Contact) and not units:
-        units = {name: contact.units.name(dimension_of(contact, name)) for name in design.axes}
+        units = {name: contact.units.name(_dimension(contact, name)) for name in design.axes}
         units = {**contact.units.names, **{name: unit for name, unit in units.items() if unit}}
     kind: type[Sweep] = getattr(task, "kind", Sweep)
     return kind(

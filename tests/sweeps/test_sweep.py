@@ -103,6 +103,16 @@ def test_wrong_sweep_files_are_refused_by_field(tmp_path: Path, old: str, new: s
         read_sweep(path)
 
 
+def test_contacts_of_a_list_may_have_tips_of_different_shapes(tmp_path: Path) -> None:
+    shapes = [cb.Parabola(1.0), cb.Cone(1.0)]
+    contacts = [cb.Contact(tip, cb.Exponential(1.0, 1.0)) for tip in shapes]
+    found = cb.sweep(contacts, tmp_path / "s.h5", executor=AtOnce(), accuracy=1e-4)
+    assert found.status == "complete"
+    assert found.axes["tip.slope"][1] == 1.0
+    assert found.tasks[1].thresholds == cb.trace(contacts[1], accuracy=1e-4).thresholds
+    assert [task.thresholds for task in cb.load(tmp_path / "s.h5").tasks] == [task.thresholds for task in found.tasks]
+
+
 def test_a_sweep_finds_what_traces_find_bit_for_bit(tmp_path: Path) -> None:
     """On processes of this machine, for contacts without a grid; xarray has their parameters as coordinates."""
     contacts = [cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0), FILM]
