@@ -72,7 +72,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     unseen = _turned(track) if complete and not given else []
     complete &= not unseen
     messages += unseen
-    if twice:
+    if twice and not over():  # otherwise they have not been located yet
         complete = False
         place = f"load {twice[0].values[0]:.6g}, displacement {twice[0].values[1]:.6g} (reduced)"
         messages.append(f"The fold at {place} was counted twice; ask for a hundredth of the accuracy.")

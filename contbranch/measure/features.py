@@ -104,7 +104,10 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     force = curve.force - baseline - tilt * curve.piezo
     allowed = SEEN * noise
     if all(_ramp(curve.force[leg], noise) for leg in (approach, retract) if leg.size >= 2 * BESIDE):
-        raise InputError("curve: the force is a straight ramp; are columns swapped, or is there no contact in it?")
+        raise InputError(
+            "curve: the force is a straight ramp; are columns swapped, is there no contact in it, or too little of the "
+            "baseline before it?"
+        )
     deep = approach[np.argsort(curve.piezo[approach])[-max(5, approach.size // 20) :]]
     lowest, largest = float(np.min(force)), float(np.max(force))
     _cut_off(curve, noise)
