@@ -20,7 +20,7 @@ ATTRACTIVE = (MAXIMA[1], MINIMA[1])
 WEAK, SAMPLES = 1e-2, 400
 
 
-def fold_name(interaction: Interaction | None, control: str | None, load: float, lost_on_increase: bool) -> str:
+def fold_name(signs: tuple[bool, bool], control: str | None, load: float, lost_on_increase: bool) -> str:
     """Name of a fold at which a stable part ends.
 
     Attraction: ``jump-in`` when stability is lost on approach, ``pull-off`` on retraction; repulsion: ``squeeze-out``
@@ -30,10 +30,12 @@ def fold_name(interaction: Interaction | None, control: str | None, load: float,
 
     Parameters
     ----------
+    signs : (bool, bool)
+        `signs_of` the interaction.
     lost_on_increase : bool
         Whether the stable part lies at smaller values of the control.
     """
-    attracts, repels = signs_of(interaction)
+    attracts, repels = signs
     if attracts and repels:
         attracts = load < 0 and not (control == "load" and lost_on_increase)
     return (MAXIMA if lost_on_increase else MINIMA)[attracts]

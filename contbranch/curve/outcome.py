@@ -202,12 +202,12 @@ def _driven(scales: Scales, control: str | None) -> float:
 
 def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
     """Names of events, None for those without."""
-    names = []
+    names, signs = [], signs_of(contact.interaction)
     for raw in events:
         name = raw.name
         artefact = raw.verdict in ("vanishes", "unresolved")
         if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0 and not artefact:
-            name = fold_name(contact.interaction, raw.control, raw.values[0], raw.maximum)
+            name = fold_name(signs, raw.control, raw.values[0], raw.maximum)
         names.append(name)
     return number_layers(names, [raw.control for raw in events], contact.interaction)
 

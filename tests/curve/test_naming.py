@@ -34,7 +34,7 @@ def fold(control, name, load, displacement=0.0, contact_radius=0.0):
     ],
 )
 def test_fold_names(law, control, load, increase, name):
-    assert fold_name(law, control, load, increase) == name
+    assert fold_name(signs_of(law), control, load, increase) == name
 
 
 def test_the_outermost_fold_is_the_threshold():
