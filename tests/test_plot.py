@@ -70,6 +70,17 @@ def test_long_steps_are_filled_in_as_the_closed_form_says(attraction: Diagram) -
     assert line.columns["load"].min() == min(event.load for event in events)  # it turns round at the fold, not beyond
 
 
+def test_a_contact_that_has_just_begun_is_drawn_where_it_is() -> None:
+    """Of a stiff film the first step in contact takes most of what is seen."""
+    contact = cb.Contact.reduced("gauss", tabor=0.4, sign=-1)
+    line = smooth_line(cb.trace(contact, accuracy=1e-4), 0)
+    radius, load = line.columns["contact_radius"], line.columns["load"]
+    first = int(np.argmax(radius > 0.0))
+    for k in range(first + 1, first + 14, 3):
+        near = [state.contact_radius for state in cb.find_all(contact, load=float(load[k])) if state.contact_radius > 0]
+        assert min(abs(a - radius[k]) for a in near) < 0.05
+
+
 def test_curve_is_solid_where_stable_and_dashed_where_not(repulsion: Diagram) -> None:
     axes = repulsion.plot().axes[0]
     curves = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]

@@ -52,9 +52,10 @@ class Piece(NamedTuple):
 def smooth_line(diagram: Diagram, number: int) -> Line:
     """Return branch `number` with located folds and touches inserted and its steps filled in.
 
-    The trace takes long steps where the curve is smooth. Load, displacement and the contact coordinate (a², or minus
-    the central gap) are joined by cubic splines of the arc length between one touch and the next. Between two events
-    all of them are monotonic, and so are the cubics.
+    The trace takes long steps where the curve is smooth. Load and displacement are joined by cubic splines of the
+    contact radius where that grows; otherwise they, and the contact coordinate (a², or minus the central gap), by
+    splines of the arc length between one touch and the next. Between two events all of them are monotonic, and so are
+    the cubics.
     """
     branch = diagram.branches[number]
     events = [e for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
@@ -71,8 +72,16 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
     for start, stop in pairwise([0, *touches, len(position) - 1]):
         here = (fine >= start) & (fine <= stop)
         part = slice(start, stop + 1)
+        radii = knots["contact_radius"][part]
+        grows = bool((np.diff(radii) > 0.0).all())
+        along, places = (radii, columns["contact_radius"][here]) if grows else (length[part], at[here])
+        # Behind first touch all rest as the square of the radius does: they are the same on its other side.
+        other = slice(2, 0, -1) if grows and radii[0] == 0.0 else slice(0)
         for name in ("load", "displacement", "energy"):
-            columns[name][here] = smooth(length[part], knots[name][part], at[here])
+            own = knots[name][part]
+            columns[name][here] = smooth(np.append(-along[other], along), np.append(own[other], own), places)
+        if grows:
+            continue
         fine_coordinate = smooth(length[part], coordinate[part], at[here])
         columns["contact_radius"][here] = np.sqrt(np.maximum(fine_coordinate, 0.0))
         columns["central_gap"][here] = np.maximum(-fine_coordinate, 0.0)
