@@ -78,7 +78,7 @@ def test_a_contact_that_has_just_begun_is_drawn_where_it_is() -> None:
     first = int(np.argmax(radius > 0.0))
     for k in range(first + 1, first + 14, 3):
         near = [state.contact_radius for state in cb.find_all(contact, load=float(load[k])) if state.contact_radius > 0]
-        assert min(abs(a - radius[k]) for a in near) < 0.05
+        assert min(abs(a - radius[k]) for a in near) < 0.1
 
 
 def test_curve_is_solid_where_stable_and_dashed_where_not(repulsion: Diagram) -> None:
