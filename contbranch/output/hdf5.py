@@ -14,6 +14,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,10 +24,11 @@ import numpy as np
 
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.text import as_path
-from contbranch.errors import InputError
+from contbranch.errors import InputError, ModelError
 from contbranch.output import files
 from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
 from contbranch.results.diagram import (
+    PATIENCE as LONGEST,
     Branch,
     Cost,
     Diagram,
@@ -59,6 +61,7 @@ from contbranch.results.record import (
     same,
 )
 from contbranch.results.sweep import Sweep
+from contbranch.watch import kept, patient
 
 if TYPE_CHECKING:
     import h5py
@@ -298,11 +301,20 @@ def _parts(name: str, value: Any) -> Iterable[tuple[Any, Any]]:
         return value.brief().items()
     if isinstance(value, Record):
         own = [item for item in fields(value) if item.name not in HEAD]
-        found = {**value.items(), **{key_of(item): value.held(item.name) for item in own}}
+        found = {**value.items(), **{key_of(item): value.held(item.name) for item in own if item.name != "area"}}
+        if isinstance(value, Jump | Hysteresis):
+            found["area"] = _area(value)
         if name and isinstance(value, Result):  # a part of another, whose contact may differ
             found["contact"] = value.head()["contact"]
         return found.items()
     return value.items() if isinstance(value, Mapping) else enumerate(value)
+
+
+def _area(record: Jump | Hysteresis) -> float | None:
+    """An area that nobody has asked for, as far as some seconds go."""
+    with suppress(ModelError), patient(LONGEST):
+        return kept(lambda: record.area, None)
+    return None
 
 
 def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record], names: UnitNames) -> None:
