@@ -53,8 +53,9 @@ def test_values_of_a_parameter_that_is_followed_have_units():
     np.testing.assert_array_equal(one.curve["load"], other.curve["load"])
     with pytest.raises(cb.InputError, match=r"to: '1\.1 nN': 'nN' is not a unit of length"):
         cb.follow(fold, "tip.radius", "1.1 nN")
-    with pytest.raises(cb.InputError, match="value: '1 um'; must be a number"):
-        one.at("1 um")
+    assert one.at("1.05 um") == one.at(1050.0) != ()
+    with pytest.raises(cb.InputError, match=r"value: '1 nN': 'nN' is not a unit of length"):
+        one.at("1 nN")
 
 
 def test_files_of_states_say_what_was_asked(tmp_path):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction, Layered, Tabulated
 from contbranch.results.diagram import Event
@@ -17,7 +19,7 @@ __all__ = ["fold_name", "number_layers", "signs_of", "threshold_events", "thresh
 MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
 ATTRACTIVE = (MAXIMA[1], MINIMA[1])
 # Energies, as a share of the largest, that do not count as another sign, and places where they are looked at.
-WEAK, SAMPLES = 1e-2, 400
+WEAK, SAMPLES = 1e-2, 200
 
 
 def fold_name(signs: tuple[bool, bool], control: str | None, load: float, lost_on_increase: bool) -> str:
@@ -52,9 +54,18 @@ def signs_of(interaction: Interaction | None) -> tuple[bool, bool]:
             return True, True
         energies.append(-term.work_of_adhesion)
         if isinstance(term, Tabulated) or type(term) is not INTERACTIONS.get(term.name):
-            found = np.nan_to_num(term.evaluate(np.linspace(0.0, term.reach(WEAK), SAMPLES)).energy)
+            found = np.nan_to_num(_energies(term), posinf=0.0, neginf=0.0)
             energies[-1:] = found[np.abs(found) > WEAK * np.abs(found).max()].tolist()
     return min(energies) < 0.0, max(energies) > 0.0
+
+
+def _energies(law: Interaction) -> Array:
+    """Energies at gaps out to where a law has decayed."""
+    found = [0.0]
+    for gap in np.linspace(0.0, law.reach(WEAK), SAMPLES):
+        with suppress(Exception):  # a law may fail where the contact never comes
+            found.append(float(law.evaluate(np.array([gap])).energy[0]))
+    return np.array(found)
 
 
 def number_layers(
