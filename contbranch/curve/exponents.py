@@ -89,7 +89,7 @@ def critical_exponent(found: Found, control: Control) -> Exponent | None:
     side = _Side(found, control)
     try:
         second, third = _derivatives(side, found.point)
-        if equilibrium(found.point).grain:  # are there numbers at all?
+        if equilibrium(found.point).grain:  # other windows say whether these are ripples
             other = _derivatives(side, moved(found.point, equilibrium(found.point).finer()))
             if not abs(other[0] - second) < AGREED * abs(second):
                 return None

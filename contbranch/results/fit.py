@@ -132,10 +132,13 @@ class Fit(Result):
         Raises
         ------
         InputError
-            For the limits jkr and dmt, which have no curve to trace.
+            For the limits jkr and dmt, which have no curve to trace, and for a fit that was read from a file or pickled:
+            take `contbranch.hysteresis` of its contact.
         """
         if self.traced is None:
-            raise InputError("loop: the limits jkr and dmt have none; fit a law with a range")
+            raise InputError(
+                "loop: not there, as of the limits jkr and dmt, and of a fit that was read; see hysteresis"
+            )
         loop: Hysteresis = given(self.traced)
         return loop
 
