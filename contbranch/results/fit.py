@@ -132,8 +132,8 @@ class Fit(Result):
         Raises
         ------
         InputError
-            For the limits jkr and dmt, which have no curve to trace, and for a fit that was read from a file or pickled:
-            take `contbranch.hysteresis` of its contact.
+            For the limits jkr and dmt, which have no curve to trace, and for a fit that was read or pickled: take
+            `contbranch.hysteresis` of its contact.
         """
         if self.traced is None:
             raise InputError(
