@@ -5,7 +5,7 @@ state of JKR whose central pressure is zero, a³ = π/2 and F = −4π/3 (reduce
 """
 
 import math
-from itertools import count, pairwise
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -207,10 +207,11 @@ def test_a_film_under_a_bump_is_squeezed_out_on_a_ring():
     radii = np.linspace(0.0, 10.0, 61)
     heights = radii**2 / 2 * (1 - 0.1 * np.exp(-(((radii - 5.0) / 0.5) ** 2)))
     contact = cb.Contact(cb.Profile(tuple(radii), tuple(heights)), cb.VanDerWaals(-1.0, 0.25))
-    steps = count(1)
+    said = set()
 
     def progress(fraction, text):
-        if next(steps) > 125:
+        said.add(text)  # not how often: the clock has the same said again
+        if len(said) > 125:
             raise cb.Stop
 
     diagram = cb.trace(contact, accuracy=1e-4, max_load=1500.0, progress=progress)
