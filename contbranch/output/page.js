@@ -23,6 +23,7 @@ const label = (name) => WORDS[name] + (unit(name) ? ` (${unit(name)})` : "");
 const words = (name) => name.replace(/_/g, " ");
 const digits = (value, count = 7) => value === null || Number.isNaN(value) ? "–"
   : String(Number(value.toPrecision(count))).replace("-", "−").replace(/e[+]?/, " e");
+const called = (event) => event.kind === "touch" ? "first touch" : [event.kind, event.name].filter(Boolean).join(" ");
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 function element(kind, given = {}, parent = null, text = null) {
@@ -39,6 +40,10 @@ function draw(kind, given, parent, text = null) {
   parent.append(made);
   return made;
 }
+
+const pen = document.createElement("canvas").getContext("2d");
+pen.font = `13px ${getComputedStyle(document.body).fontFamily}`;
+const wide = (text) => pen.measureText(text).width;
 
 // Axes ---------------------------------------------------------------------------------------------------------------
 function ticks(low, high, count) {
@@ -132,24 +137,16 @@ function drawDiagram() {
     draw("text", { x: plot.px(x) + (far ? -12 : 12), y: plot.py(y) + 22, "text-anchor": far ? "end" : "start" }, svg,
       "jumps to no state of this curve");
   }
-  const placed = [];
-  for (const event of item().events) {
-    const x = plot.px(event[view.x]), y = plot.py(event[view.y]);
-    const shown = event.kind === "touch" || event.kind === "symmetry" || (event.kind === "fold" && event.control === view.control);
-    if (!shown || x < box.left || x > box.left + box.width || y < box.top || y > box.top + box.height) continue;
-    if (event.kind === "fold") draw("circle", { class: "mark", cx: x, cy: y, r: 5 }, svg);
-    else draw("path", { class: "mark", d: `M${x - 5} ${y}L${x} ${y - 5}L${x + 5} ${y}L${x} ${y + 5}Z` }, svg);
-    const text = event.kind === "touch" ? "first touch" : event.name || (event.kind === "symmetry" ? "symmetry" : "");
-    if (!text) continue;
-    const long = 7.2 * text.length;
-    const spots = [[9, -8], [9, 18], [-9 - long, -8], [-9 - long, 18], [9, -24], [9, 34], [-9 - long, -24], [-9 - long, 34]];
-    const free = ([dx, dy]) => x + dx > box.left && x + dx + long < box.left + box.width && y + dy - 12 > box.top && y + dy < box.top + box.height
-      && placed.every((p) => Math.abs(p[1] - y - dy) > 15 || p[0] + p[2] < x + dx || p[0] > x + dx + long);
-    const [dx, dy] = spots.find(free) || spots[0];
-    placed.push([x + dx, y + dy, long]);
-    draw("text", { x: x + dx, y: y + dy, style: "paint-order:stroke;stroke:var(--paper);stroke-width:4px" }, svg, text);
+  const marks = item().events.map((event) => ({ event, x: plot.px(event[view.x]), y: plot.py(event[view.y]) })).filter(({ event, x, y }) =>
+    (["touch", "symmetry"].includes(event.kind) || (event.kind === "fold" && event.control === view.control))
+    && x >= box.left && x <= box.left + box.width && y >= box.top && y <= box.top + box.height);
+  for (const { event, x, y } of marks) {
+    const made = event.kind === "fold" ? draw("circle", { class: "mark", cx: x, cy: y, r: 5 }, svg)
+      : draw("path", { class: "mark", d: `M${x - 5} ${y}L${x} ${y - 5}L${x + 5} ${y}L${x} ${y + 5}Z` }, svg);
+    draw("title", {}, made, called(event));
   }
-  const here = draw("circle", { class: "here", r: 6, cx: -99, cy: -99 }, plot.inside);
+  drawNames(svg, box, marks);
+  const here = draw("circle", { class: "here", r: 6, cx: -99, cy: -99 }, draw("g", { "clip-path": plot.inside.getAttribute("clip-path") }, svg));
   scene = { svg, plot, here };
   const point = (event) => {
     const frame = svg.getBoundingClientRect(), k = width / frame.width;
@@ -170,6 +167,21 @@ function drawDiagram() {
   if (view.step !== null || item().loop) {
     draw("line", { class: "loop", x1: 360, x2: 394, y1: 12, y2: 12 }, legend);
     draw("text", { x: 400, y: 16 }, legend, "quasi-static loop");
+  }
+}
+// Names beside the marks, those of the layers nearest to the wall first. One without a free place is left out: its mark
+// says it to who points at it, and so does the table.
+function drawNames(svg, box, marks) {
+  const taken = marks.map(({ x, y }) => [x - 5, x + 5, y - 18, y + 18]);  // no name is that of the mark below it
+  const layer = ({ event }) => event.mode || Number((/-(\d+)$/.exec(event.name) || [])[1] || 0);
+  for (const { event, x, y } of [...marks].sort((one, other) => layer(one) - layer(other))) {
+    const text = event.kind === "fold" ? event.name || "" : called(event), long = wide(text);
+    const spots = [-8, 18, -24, 34].flatMap((dy) => [9, -9 - long].map((dx) => [x + dx, x + dx + long, y + dy - 10, y + dy + 2]));
+    const free = spots.find(([a, b, c, d]) => a > box.left && b < box.left + box.width && c > box.top && d < box.top + box.height
+      && taken.every(([left, right, top, bottom]) => b < left || a > right || d < top || c > bottom));
+    if (!text || !free) continue;
+    taken.push(free);
+    draw("text", { class: "name", x: free[0], y: free[3] - 2 }, svg, text);
   }
 }
 function nearest(x, y) {
@@ -420,7 +432,7 @@ function table(holder, headings, rows) {
 function drawTables() {
   const shown = NAMES.slice(0, 4);
   table(byId("events"), ["event", "control", ...shown.map(label)], item().events.map((e) =>
-    [`${e.kind === "touch" ? "first touch" : e.kind} ${e.name || ""}`, e.control || "", ...shown.map((name) => digits(e[name]))]));
+    [called(e), e.control || "", ...shown.map((name) => digits(e[name]))]));
   const holder = byId("table"), fill = () => {
     const rows = [];
     for (const branch of item().branches) array(branch.rows.load).forEach((_, i) =>
