@@ -51,12 +51,21 @@ function ticks(low, high, count) {
   const step = [1, 2, 2.5, 5, 10].map((k) => k * power).find((one) => one >= raw * 0.999);
   const found = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
-  return { at: found, show: (v) => digits(Math.abs(v) < 1e-9 * step ? 0 : v, 6) };
+  return { at: found, step, show: (v) => digits(Math.abs(v) < 1e-9 * step ? 0 : v, 6) };
+}
+const upwards = (range, height) => ticks(...range, Math.max(2, height / 48));
+// As wide as the numbers beside it, and the name of the axis beside these.
+function margin(range, height) {
+  const { at, show } = upwards(range, height);
+  return 34 + Math.max(22, ...at.map((v) => wide(show(v))));
 }
 function axes(svg, box, x, y, names) {
   const px = (v) => box.left + (v - x[0]) / (x[1] - x[0]) * box.width;
   const py = (v) => box.top + box.height - (v - y[0]) / (y[1] - y[0]) * box.height;
-  const horizontal = ticks(...x, Math.max(3, box.width / 75)), vertical = ticks(...y, Math.max(2, box.height / 48));
+  const vertical = upwards(y, box.height);
+  const crowded = ({ at, step, show }) => Math.max(0, ...at.map((v) => wide(show(v)))) + 14 > box.width / (x[1] - x[0]) * step;
+  let count = Math.max(3, box.width / 75), horizontal = ticks(...x, count);
+  while (count > 1 && crowded(horizontal)) horizontal = ticks(...x, --count);
   for (const v of horizontal.at) {
     if (v === 0) draw("line", { class: "zero", x1: px(0), x2: px(0), y1: box.top, y2: box.top + box.height }, svg);
     draw("line", { class: "tick", x1: px(v), x2: px(v), y1: box.top + box.height, y2: box.top + box.height - 5 }, svg);
@@ -115,7 +124,8 @@ function drawDiagram() {
   holder.replaceChildren();
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, tabindex: 0, role: "application",
     "aria-label": `${WORDS[view.y]} against ${WORDS[view.x]}. Left and right arrow keys move along the curve.` }, holder);
-  const range = limits(), box = { left: 74, top: 10, width: width - 90, height: height - 60 };
+  const range = limits(), left = margin(range[view.y], height - 60);
+  const box = { left, top: 10, width: width - left - 16, height: height - 60 };
   const plot = axes(svg, box, range[view.x], range[view.y], [label(view.x), label(view.y)]);
   for (const branch of item().branches) {
     const xs = array(branch.fine[view.x]), ys = array(branch.fine[view.y]), stable = array(branch.stable[view.control]);
@@ -158,15 +168,14 @@ function drawDiagram() {
     const step = { ArrowLeft: -1, ArrowRight: 1, PageUp: -10, PageDown: 10, Home: -1e9, End: 1e9 }[event.key];
     if (step) { event.preventDefault(); select(view.branch, view.row + step); }
   });
-  byId("legend").innerHTML = "";
-  const legend = draw("svg", { width: 520, height: 22, viewBox: "0 0 520 22", style: "max-width:520px" }, byId("legend"));
-  draw("line", { class: "stable", x1: 0, x2: 34, y1: 12, y2: 12 }, legend);
-  draw("text", { x: 40, y: 16 }, legend, "stable");
-  draw("line", { class: "unstable", x1: 98, x2: 132, y1: 12, y2: 12 }, legend);
-  draw("text", { x: 138, y: 16 }, legend, `unstable under ${view.control === "spring" ? "the spring" : view.control}`);
-  if (view.step !== null || item().loop) {
-    draw("line", { class: "loop", x1: 360, x2: 394, y1: 12, y2: 12 }, legend);
-    draw("text", { x: 400, y: 16 }, legend, "quasi-static loop");
+  const control = view.control === "spring" ? "the spring" : view.control;
+  const known = { stable: "stable", unstable: `unstable under ${control}`, loop: "quasi-static loop" };
+  byId("legend").replaceChildren();
+  for (const [kind, text] of Object.entries(known)) {
+    if (kind === "loop" ? view.step === null && !item().loop : !item().branches.length) continue;
+    const holder = element("span", {}, byId("legend")), sample = draw("svg", { viewBox: "0 0 34 12" }, holder);
+    draw("line", { class: kind, x1: 0, x2: 34, y1: 6, y2: 6 }, sample);
+    holder.append(text);
   }
 }
 // Names beside the marks, those of the layers nearest to the wall first. One without a free place is left out: its mark
@@ -238,10 +247,11 @@ function maps(branch = view.branch, row = view.row) {
   return { x: [x0, x1], y: [y0, y1], columns, rows, gap: cut(kept.gap), pressure: cut(kept.pressure) };
 }
 function drawMap(holder, shown, name, stops, low, high, note) {
-  const width = holder.clientWidth || 420, inner = Math.min(width - 90, 330 * (shown.x[1] - shown.x[0]) / (shown.y[1] - shown.y[0]));
+  const width = holder.clientWidth || 420;
   const half = [shown.x, shown.y].map(([a, b], k) => (b - a) / (2 * ([shown.columns, shown.rows][k] - 1 || 1)));
   const x = [shown.x[0] - half[0], shown.x[1] + half[0]], y = [shown.y[0] - half[1], shown.y[1] + half[1]];
-  const box = { left: 74, top: 26, width: inner, height: inner * (y[1] - y[0]) / (x[1] - x[0]) }, height = box.height + 70;
+  const shape = (x[1] - x[0]) / (y[1] - y[0]), left = margin(y, 330), inner = Math.min(width - left - 16, 330 * shape);
+  const box = { left, top: 8, width: inner, height: inner / shape }, height = box.height + 52;
   const canvas = element("canvas", { width: shown.columns, height: shown.rows }), ink = canvas.getContext("2d");
   const image = ink.createImageData(shown.columns, shown.rows);
   shown[name].forEach((value, k) => {
@@ -249,8 +259,8 @@ function drawMap(holder, shown, name, stops, low, high, note) {
     image.data.set([...(touching ? [64, 64, 64] : colour(stops, (value - low) / (high - low || 1))), 255], place);
   });
   ink.putImageData(image, 0, 0);
+  element("p", { class: "note" }, holder, note);
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img", "aria-label": `Map: ${note}` }, holder);
-  draw("text", { x: box.left, y: 16 }, svg, note);
   draw("image", { id: `map-${name}`, href: canvas.toDataURL(), x: box.left, y: box.top, width: box.width, height: box.height,
     preserveAspectRatio: "none", style: "image-rendering:pixelated" }, svg);
   axes(svg, box, x, y, [`x${unit("r") ? ` (${unit("r")})` : ""}`, `y${unit("r") ? ` (${unit("r")})` : ""}`]);
@@ -284,16 +294,18 @@ function drawProfile() {
   const last = shown.r.length - 1, slope = (shown.gap[last] - shown.gap[last - 1]) / (shown.r[last] - shown.r[last - 1]);
   const beyond = Math.max(0, 1.5 * top - shown.gap[last]) / Math.max(slope, 1e-9);
   const rs = mirrored(shown.r).map((v, i) => i <= last ? -v : v);
-  const upper = axes(svg, { left: 74, top: 8, width: width - 90, height: half }, [low, reach], [-0.14 * top, top], ["", label("gap")]);
-  const bottom = upper.py(-0.14 * top), gaps = [1.5 * top, ...mirrored(shown.gap), 1.5 * top];
-  const wide = [rs[0] - beyond, ...rs, rs[rs.length - 1] + beyond];
-  draw("rect", { class: "wall", x: 74, y: upper.py(0), width: width - 90, height: bottom - upper.py(0) }, upper.inside);
-  if (!onGrid) draw("path", { class: "body", id: "tip", d: line(wide, gaps, upper.px, upper.py) }, upper.inside);
+  const gaps = [-0.14 * top, top], pressures = span("pressure", one);
+  const left = Math.max(margin(gaps, half), margin(pressures, half)), box = { left, top: 8, width: width - left - 16, height: half };
+  const upper = axes(svg, box, [low, reach], gaps, ["", label("gap")]);
+  const outline = [1.5 * top, ...mirrored(shown.gap), 1.5 * top];
+  const across = [rs[0] - beyond, ...rs, rs[rs.length - 1] + beyond];
+  draw("rect", { class: "wall", x: left, y: upper.py(0), width: box.width, height: box.top + half - upper.py(0) }, upper.inside);
+  if (!onGrid) draw("path", { class: "body", id: "tip", d: line(across, outline, upper.px, upper.py) }, upper.inside);
   if (item().tip) {
     const r = array(item().tip.r), z = Array.from(array(item().tip.z), (v) => v + array(one.rows.central_gap)[view.row]);
     draw("path", { class: "outline", d: line(r, z, upper.px, upper.py) + line(Array.from(r, (v) => -v), z, upper.px, upper.py) }, upper.inside);
   }
-  const lower = axes(svg, { left: 74, top: 16 + half, width: width - 90, height: half }, [low, reach], span("pressure", one), [label("r"), label("pressure")]);
+  const lower = axes(svg, { ...box, top: 16 + half }, [low, reach], pressures, [label("r"), label("pressure")]);
   if (onGrid) {
     element("p", { class: "soft" }, holder, "On a grid: means over the nodes at equal distance from the middle.");
     const dots = (values, plot) => Array.from(shown.r, (r, i) => `M${plot.px(r)} ${plot.py(values[i])}h0`).join("");
