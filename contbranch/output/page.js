@@ -1,10 +1,11 @@
 "use strict";
 // The page of a diagram, a loop or a sweep. `data` says what there is; its arrays are [start, length] in `numbers`.
 const WORDS = { load: "Load F", displacement: "Displacement d", contact_radius: "Contact radius a",
-  central_gap: "Central gap g(0)", energy: "Energy V", gap: "Gap g", pressure: "Pressure p", r: "Radius r" };
-const NAMES = Object.keys(WORDS).slice(0, 5);
+  central_gap: "Central gap g(0)", energy: "Energy V", piezo: "Position of the spring d + F/K", deflection: "Deflection F/K",
+  gap: "Gap g", pressure: "Pressure p", r: "Radius r" };
 const byId = (id) => document.getElementById(id);
 const data = JSON.parse(byId("data").textContent);
+const NAMES = Object.keys(WORDS).slice(0, data.items.some((one) => one.stiffness) ? 7 : 5);
 const view = { item: 0, branch: 0, row: 0, x: "load", y: "contact_radius", control: "load", all: false, step: null };
 let numbers = null, scene = null;
 
@@ -17,13 +18,15 @@ async function unpack(text) {
   return new Float32Array(bytes.buffer);
 }
 const array = (place) => numbers.subarray(place[0], place[0] + place[1]);
+const driven = () => view.control === "spring" ? "piezo" : view.control;
 const item = () => data.items[view.item];
-const unit = (name) => data.units[{ r: "radius" }[name] || name] || "";
+const unit = (name) => data.units[{ r: "radius", piezo: "displacement", deflection: "displacement" }[name] || name] || "";
 const label = (name) => WORDS[name] + (unit(name) ? ` (${unit(name)})` : "");
 const words = (name) => name.replace(/_/g, " ");
 const digits = (value, count = 7) => value === null || Number.isNaN(value) ? "–"
   : String(Number(value.toPrecision(count))).replace("-", "−").replace(/e[+]?/, " e");
-const called = (event) => event.kind === "touch" ? "first touch" : [event.kind, event.name].filter(Boolean).join(" ");
+const called = (event) => event.kind === "touch" ? "first touch"
+  : [event.kind, event.name, event.mode && `m = ${event.mode}`].filter(Boolean).join(" ");
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 function element(kind, given = {}, parent = null, text = null) {
@@ -184,7 +187,7 @@ function drawNames(svg, box, marks) {
   const taken = marks.map(({ x, y }) => [x - 5, x + 5, y - 18, y + 18]);  // no name is that of the mark below it
   const layer = ({ event }) => event.mode || Number((/-(\d+)$/.exec(event.name) || [])[1] || 0);
   for (const { event, x, y } of [...marks].sort((one, other) => layer(one) - layer(other))) {
-    const text = event.kind === "fold" ? event.name || "" : called(event), long = wide(text);
+    const text = { fold: event.name || "", symmetry: `m = ${event.mode}` }[event.kind] ?? called(event), long = wide(text);
     const spots = [-8, 18, -24, 34].flatMap((dy) => [9, -9 - long].map((dx) => [x + dx, x + dx + long, y + dy - 10, y + dy + 2]));
     const free = spots.find(([a, b, c, d]) => a > box.left && b < box.left + box.width && c > box.top && d < box.top + box.height
       && taken.every(([left, right, top, bottom]) => b < left || a > right || d < top || c > bottom));
@@ -329,10 +332,7 @@ function runs() {
   });
   return found;
 }
-function drive(branch) {
-  const load = array(branch.fine.load), d = array(branch.fine.displacement);
-  return view.control === "load" ? load : view.control === "displacement" ? d : d.map((v, i) => v + load[i] / item().stiffness);
-}
+const drive = (branch) => array(branch.fine[driven()]);
 function between(values, i) {  // at a place between drawn points
   const k = Math.floor(i);
   return i === k ? values[k] : values[k] + (i - k) * (values[k + 1] - values[k]);
@@ -405,7 +405,7 @@ function journey() {
   legs.push(leg);
   for (const [from, to] of made.filter((jump) => jump[1])) {
     const before = at(from), after = at(to);  // what is controlled does not change
-    jumps.push([before, [view.x, view.y].map((name, k) => name === view.control ? before[k] : after[k])]);
+    jumps.push([before, [view.x, view.y].map((name, k) => name === driven() ? before[k] : after[k])]);
   }
   return { legs, jumps, lost: made.filter((jump) => !jump[1]).map((jump) => at(jump[0])), count: stops.length };
 }
