@@ -18,7 +18,7 @@ async function unpack(text) {
   return new Float32Array(bytes.buffer);
 }
 const array = (place) => numbers.subarray(place[0], place[0] + place[1]);
-const driven = () => view.control === "spring" ? "piezo" : view.control;
+const driven = (control = view.control) => control === "spring" ? "piezo" : control;
 const item = () => data.items[view.item];
 const unit = (name) => data.units[{ r: "radius", piezo: "displacement", deflection: "displacement" }[name] || name] || "";
 const label = (name) => WORDS[name] + (unit(name) ? ` (${unit(name)})` : "");
@@ -436,13 +436,19 @@ function play(step) {
 // Tables, menus, sliders ----------------------------------------------------------------------------------------------
 function table(holder, headings, rows) {
   holder.replaceChildren();
+  if (!rows.length) return;
   const made = element("table", {}, holder), head = element("tr", {}, element("thead", {}, made));
   headings.forEach((text) => element("th", { scope: "col" }, head, text));
   const body = element("tbody", {}, made);
   for (const row of rows) { const tr = element("tr", {}, body); row.forEach((text) => element("td", {}, tr, text)); }
 }
 function drawTables() {
-  const shown = NAMES.slice(0, 4);
+  const shown = NAMES.slice(0, 4), { jumps, dissipated } = item().loop || { jumps: [] };
+  const ends = (state) => shown.map((name) => digits(state ? state[name] : null));
+  table(byId("jumps"), ["jump", label(driven(item().control)), "", ...shown.map(label), `dissipated ${unit("energy") && `(${unit("energy")})`}`], [
+    ...jumps.flatMap((jump) => [[jump.name || "jump", digits(jump.position), "from", ...ends(jump.from), digits(jump.dissipated)],
+      ["", "", jump.to ? "to" : "to infinity", ...ends(jump.to), ""]]),
+    ...jumps.slice(0, 1).map(() => ["whole loop", "", "", ...shown.map(() => ""), digits(dissipated)])]);
   table(byId("events"), ["event", "control", ...shown.map(label)], item().events.map((e) =>
     [called(e), e.control || "", ...shown.map((name) => digits(e[name]))]));
   const holder = byId("table"), fill = () => {
@@ -456,7 +462,7 @@ function drawTables() {
   if (holder.parentElement.open) fill();
 }
 function redraw() {
-  const status = item().status === "complete" ? "" : `${item().status}: ${item().message}`;
+  const status = item().status !== "complete" ? `${item().status}: ${item().message}` : item().loop ? item().message : "";
   const at = Object.entries(item().parameters || {}).map(([name, value]) => `${name} = ${digits(value, 5)} ${unit(name)}`.trim()).join(", ");
   byId("status").textContent = [at, status].filter(Boolean).join(" · ");
   if (item().controls.length && !item().controls.includes(view.control)) view.control = item().controls[0];
