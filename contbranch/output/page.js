@@ -169,7 +169,7 @@ function drawDiagram() {
   svg.addEventListener("pointerdown", point);
   svg.addEventListener("keydown", (event) => {
     const step = { ArrowLeft: -1, ArrowRight: 1, PageUp: -10, PageDown: 10, Home: -1e9, End: 1e9 }[event.key];
-    if (step) { event.preventDefault(); select(view.branch, view.row + step); }
+    if (step) { event.preventDefault(); go(view.branch, (item().branches.length ? view.row : view.step) + step); }
   });
   const control = view.control === "spring" ? "the spring" : view.control;
   const known = { stable: "stable", unstable: `unstable under ${control}`, loop: "quasi-static loop" };
@@ -196,25 +196,35 @@ function drawNames(svg, box, marks) {
     draw("text", { class: "name", x: free[0], y: free[3] - 2 }, svg, text);
   }
 }
+// Rows that can be pointed at: of the curve, or, where a loop has none behind it, those of the loop itself.
+const lines = () => item().branches.length ? item().branches.map((branch) => branch.rows) : item().loop ? [item().loop] : [];
 function nearest(x, y) {
   let best = Infinity, found = null;
-  item().branches.forEach((branch, b) => {
-    const xs = array(branch.rows[view.x]), ys = array(branch.rows[view.y]);
+  lines().forEach((rows, b) => {
+    const xs = array(rows[view.x]), ys = array(rows[view.y]);
     xs.forEach((value, i) => {
       const far = Math.hypot(scene.plot.px(value) - x, scene.plot.py(ys[i]) - y);
       if (far < best) { best = far; found = [b, i]; }
     });
   });
-  if (found) select(...found);
+  if (found) go(...found);
+}
+function go(branch, row) {
+  if (item().branches.length) return select(branch, row);
+  byId("loop").value = row;
+  play(Number(byId("loop").value));
 }
 function select(branch, row, values = null) {
   const one = item().branches[branch];
   if (!one) return drawProfile();
   view.branch = branch;
   view.row = clamp(row, 0, array(one.rows.load).length - 1);
-  view.values = values || Object.fromEntries(NAMES.map((name) => [name, array(one.rows[name])[view.row]]));
-  scene.here.setAttribute("cx", scene.plot.px(view.values[view.x]));
-  scene.here.setAttribute("cy", scene.plot.py(view.values[view.y]));
+  show(values || Object.fromEntries(NAMES.map((name) => [name, array(one.rows[name])[view.row]])));
+}
+function show(values) {
+  view.values = values;
+  scene.here.setAttribute("cx", scene.plot.px(values[view.x]));
+  scene.here.setAttribute("cy", scene.plot.py(values[view.y]));
   drawProfile();
 }
 
@@ -278,16 +288,16 @@ function drawProfile() {
   const one = item().branches[view.branch], holder = byId("profile"), shown = profile();
   holder.replaceChildren();
   byId("state").replaceChildren();
-  if (!one) return;
+  if (!one && !item().loop) return;
   const entry = (name, value) => { element("dt", {}, byId("state"), name); element("dd", {}, byId("state"), value); };
   for (const name of NAMES) entry(WORDS[name], `${digits(view.values[name])} ${unit(name)}`);
   for (const control of item().controls) {
-    const modes = array(one.unstable[control])[view.row];
+    const modes = one ? array(one.unstable[control])[view.row] : 0;  // a loop passes stable states
     entry(`under ${control === "spring" ? "the spring" : control}`, modes ? `unstable (${modes} mode${modes > 1 ? "s" : ""})` : "stable");
   }
   const flat = maps();
   if (flat) return drawMaps(holder, flat);
-  if (!shown) return void element("p", { class: "soft" }, holder, "No profiles were kept for this curve.");
+  if (!shown) return void element("p", { class: "soft" }, holder, `No profiles were kept for this ${one ? "curve" : "loop"}.`);
   const width = holder.clientWidth || 420, height = clamp(0.98 * width, 300, 460), half = (height - 66) / 2;
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img",
     "aria-label": `Deformed tip above the wall, and pressure, at load ${digits(array(one.rows.load)[view.row])}` }, holder);
@@ -422,9 +432,7 @@ function play(step) {
       if (far < best) { best = far; found = [b, i]; }
     }));
     const values = Object.fromEntries(NAMES.map((name) => [name, array(item().loop[name])[step]]));
-    if (found) return select(...found, values);
-    scene.here.setAttribute("cx", scene.plot.px(values[view.x]));
-    return scene.here.setAttribute("cy", scene.plot.py(values[view.y]));
+    return found ? select(...found, values) : show(values);
   }
   const stop = travel().stops[step];
   if (!stop) return drawProfile();
@@ -453,9 +461,10 @@ function drawTables() {
     [called(e), e.control || "", ...shown.map((name) => digits(e[name]))]));
   const holder = byId("table"), fill = () => {
     const rows = [];
-    for (const branch of item().branches) array(branch.rows.load).forEach((_, i) =>
-      rows.push([String(i), ...NAMES.map((name) => digits(array(branch.rows[name])[i])), ...item().controls.map((c) => digits(array(branch.unstable[c])[i]))]));
-    table(holder, ["point", ...NAMES.map(label), ...item().controls.map((c) => `unstable modes, ${c}`)], rows);
+    const counted = item().branches.length ? item().controls : [];
+    lines().forEach((line, b) => array(line.load).forEach((_, i) => rows.push([String(i), ...NAMES.map((name) => digits(array(line[name])[i])),
+      ...counted.map((c) => digits(array(item().branches[b].unstable[c])[i]))])));
+    table(holder, ["point", ...NAMES.map(label), ...counted.map((c) => `unstable modes, ${c}`)], rows);
   };
   holder.replaceChildren();
   holder.parentElement.ontoggle = () => { if (holder.parentElement.open) fill(); };
@@ -467,6 +476,7 @@ function redraw() {
   byId("status").textContent = [at, status].filter(Boolean).join(" · ");
   if (item().controls.length && !item().controls.includes(view.control)) view.control = item().controls[0];
   view.branch = clamp(view.branch, 0, Math.max(0, item().branches.length - 1));
+  if (item().loop && !item().branches.length && view.step === null) view.step = 0;
   drawDiagram();
   drawTables();
   const slider = byId("loop");
