@@ -146,9 +146,8 @@ function drawDiagram() {
     for (const [a, b] of loop.jumps) draw("path", { class: "jump", d: line([a[0], b[0]], [a[1], b[1]], plot.px, plot.py) }, plot.inside);
   }
   if (view.step !== null) for (const [x, y] of loop.lost || []) {
-    const far = plot.px(x) > box.left + 0.6 * box.width;
-    draw("text", { x: plot.px(x) + (far ? -12 : 12), y: plot.py(y) + 22, "text-anchor": far ? "end" : "start" }, svg,
-      "jumps to no state of this curve");
+    const text = "jumps to no state of this curve", left = clamp(plot.px(x) + 12, box.left + 4, box.left + box.width - wide(text) - 4);
+    draw("text", { x: left, y: plot.py(y) + 22 }, svg, text);
   }
   const marks = item().events.map((event) => ({ event, x: plot.px(event[view.x]), y: plot.py(event[view.y]) })).filter(({ event, x, y }) =>
     (["touch", "symmetry"].includes(event.kind) || (event.kind === "fold" && event.control === view.control))
@@ -359,20 +358,20 @@ function locate(run, value) {
   }
   return null;
 }
-let travelled = { key: "", stops: [], jumps: [] };
+let travelled = { key: "", stops: [], jumps: [], turn: Infinity };  // turn: how many stops are on the way there
 function travel() {
   const key = [view.item, view.control].join();
   if (travelled.key === key) return travelled;
   const all = runs(), stops = [], jumps = [];
-  let run = all[0], i = run ? run.start : 0, direction = 1;
-  for (let turn = 0; run && turn < 2 * all.length + 2; turn++) {
+  let run = all[0], i = run ? run.start : 0, direction = 1, turn = Infinity;
+  for (let legs = 0; run && legs < 2 * all.length + 2; legs++) {
     const goal = run.up * direction > 0 ? run.stop : run.start;
     for (; i !== goal; i = goal > i ? Math.floor(i) + 1 : Math.ceil(i) - 1) stops.push([run.b, i]);
     stops.push([run.b, i]);
     const forward = goal === run.stop;
     if ((forward && run.last) || (!forward && run.start === 0)) {
       if (direction < 0) break;
-      direction = -1;
+      [direction, turn] = [-1, stops.length];
       continue;
     }
     const value = run.at[goal], level = height(item().branches[run.b], goal, value), order = all.indexOf(run);
@@ -381,13 +380,13 @@ function travel() {
     if (!next) {
       jumps.push([[run.b, i], null]);
       if (direction < 0) break;
-      direction = -1;
+      [direction, turn] = [-1, stops.length];
       continue;
     }
     jumps.push([[run.b, i], [next[0].b, next[1]]]);
     [run, i] = next;
   }
-  travelled = { key, stops, jumps };
+  travelled = { key, stops, jumps, turn };
   return travelled;
 }
 const looped = () => Boolean(item().loop) && item().control === view.control;
@@ -436,9 +435,34 @@ function play(step) {
   }
   const stop = travel().stops[step];
   if (!stop) return drawProfile();
-  const branch = item().branches[stop[0]];
-  const values = Object.fromEntries(NAMES.map((name) => [name, between(array(branch.fine[name]), stop[1])]));
-  select(stop[0], Math.round(between(array(branch.position), stop[1])), values);  // the profile is that of the nearest point
+  visit(...stop);
+}
+function visit(b, i) {
+  const branch = item().branches[b], values = Object.fromEntries(NAMES.map((name) => [name, between(array(branch.fine[name]), i)]));
+  select(b, Math.round(between(array(branch.position), i)), values);  // the profile is that of the nearest point
+}
+
+// On another curve: the place where what is controlled is what it was; of several the nearest, on a loop on the same way.
+function keep(values, back) {
+  const sizes = ["load", "displacement", "contact_radius", driven()].map((name) => {
+    const ends = item().branches.flatMap((branch) => span(name, branch.fine));
+    return [name, Math.max(...ends) - Math.min(...ends)];
+  });
+  const path = view.step === null ? item().branches.flatMap((branch, b) => Array.from(drive(branch), (_, i) => [b, i])) : travel().stops;
+  let best = Infinity, found = null;
+  path.slice(0, -1).forEach(([b, i], k) => {
+    const [next, j] = path[k + 1];
+    if (next !== b || (view.step !== null && back !== k >= travel().turn)) return;
+    const fine = item().branches[b].fine, at = drive(item().branches[b]), [from, to] = [between(at, i), between(at, j)];
+    const share = clamp((values[driven()] - from) / (to - from || 1), 0, 1), place = i + share * (j - i);
+    const off = sizes.map(([name, size]) => (between(array(fine[name]), place) - values[name]) / size);
+    const far = Math.hypot(...off) + 1e3 * Math.abs(off[3]);
+    if (far < best) { best = far; found = [b, place, k + Math.round(share)]; }
+  });
+  if (!found) return;
+  if (view.step === null) return visit(found[0], found[1]);
+  byId("loop").value = found[2];
+  play(found[2]);
 }
 
 // Tables, menus, sliders ----------------------------------------------------------------------------------------------
@@ -528,10 +552,12 @@ function start() {
     names.forEach((name, k) => {
       const shown = (v) => grid ? `${digits(data.axes[name][v], 4)} ${unit(name)}` : String(v);
       const made = slider(`parameter${k}`, name, (grid ? sizes[k] : data.items.length) - 1, (value) => {
+        const before = view.values, back = view.step >= travel().turn;
         places[k] = value;
         view.item = grid ? places.reduce((sum, p, j) => sum * sizes[j] + p, 0) : value;
         text.textContent = shown(value);
         redraw();
+        if (before) keep(before, back);
       });
       if (!grid) made.value = view.item;
       const text = element("span", { class: "soft", style: "min-width:6.5em" }, made.parentElement, shown(Number(made.value)));
