@@ -22,7 +22,7 @@ from contbranch.cli import main
 from contbranch.output.page import page
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-# What a person would do: point at the curve, choose axes and control, play the loop, move to another contact.
+# A person's visit, in which `seen` is what is told of it.
 VISIT = """
 <script>
 addEventListener("error", (event) => { document.title = "error: " + event.message; });
@@ -30,12 +30,26 @@ const wait = setInterval(() => {
   if (document.documentElement.dataset.ready !== "yes") return;
   clearInterval(wait);
   const seen = {}, choose = (id, value, kind) => { byId(id).value = value; byId(id).dispatchEvent(new Event(kind)); };
+  const boxes = (chosen) => [...document.querySelectorAll(chosen)].map((one) => one.getBoundingClientRect());
   const point = (x, y) => {
     const frame = scene.svg.getBoundingClientRect(), k = scene.svg.viewBox.baseVal.width / frame.width;
     const at = { clientX: frame.left + x / k, clientY: frame.top + y / k };
     scene.svg.dispatchEvent(new PointerEvent("pointermove", at));
     return { row: view.row, ...Object.fromEntries(Object.entries(profile()).map(([n, v]) => [n, Array.from(v)])) };
   };
+@DONE@
+  const [axis, ...numbers] = boxes("#diagram text:not(.name)").sort((one, other) => one.left - other.left);
+  seen.apart = Math.min(...numbers.map((one) => one.left)) - axis.right;
+  seen.beyond = document.documentElement.scrollWidth - innerWidth;
+  const said = document.createElement("pre");
+  said.id = "seen";
+  said.textContent = JSON.stringify(seen);
+  document.body.append(said);
+}, 20);
+</script>
+"""
+# Point at the curve, choose axes and control, move to another contact and back, play the loop, move again.
+OF_CURVES = """
   const rows = item().branches[0].rows, middle = Math.floor(array(rows.load).length * 0.8);
   seen.first = point(scene.plot.px(array(rows.load)[middle]), scene.plot.py(array(rows.contact_radius)[middle]));
   seen.wanted = middle;
@@ -43,6 +57,10 @@ const wait = setInterval(() => {
   choose("y", "load", "change");
   choose("control", "displacement", "change");
   seen.second = point(scene.plot.px(array(rows.displacement)[middle]), scene.plot.py(array(rows.load)[middle]));
+  if (byId("parameter0")) {
+    const there = (value) => { choose("parameter0", value, "input"); return [view.item, view.values.displacement]; };
+    seen.places = [0, 1, 0].map(there);
+  }
   seen.unstable = document.querySelectorAll("#diagram path.unstable").length;
   choose("loop", Math.floor(byId("loop").max / 2), "input");
   seen.jumps = document.querySelectorAll("#diagram path.jump").length;
@@ -54,18 +72,40 @@ const wait = setInterval(() => {
     Object.assign(seen, { item: view.item, told: byId("status").textContent });
   }
   seen.events = document.querySelectorAll("#events tbody tr").length;
-  const said = document.createElement("pre");
-  said.id = "seen";
-  said.textContent = JSON.stringify(seen);
-  document.body.append(said);
-}, 20);
-</script>
+  seen.above = scene.svg.lastElementChild.contains(scene.here);
+  const [first] = item().events, layer = (k) => ({ ...first, control: view.control, name: `layer-${k}` });
+  const symmetry = { ...first, kind: "symmetry", control: null, name: null, mode: 3 };
+  item().events.push(...[2, 3, 4, 5, 6, 7, 8, 9].map(layer), symmetry);
+  redraw();
+  seen.said = document.querySelector("#events tbody tr:last-child td").textContent;
+  const names = boxes("#diagram text.name"), apart = (a, b) => a.left >= b.right || b.left >= a.right;
+  const below = (a, b) => a.top + 3 >= b.bottom || b.top + 3 >= a.bottom;  // boxes are taller than letters
+  seen.names = names.length;
+  seen.covered = names.filter((a, i) => names.slice(i + 1).some((b) => !apart(a, b) && !below(a, b))).length;
+"""
+# Axes of springs, what is dissipated, and the last state by its key; a loop on its own, without a curve.
+OF_LOOPS = """
+  byId("table").parentElement.open = true;
+  choose("x", "piezo", "change");
+  choose("y", "deflection", "change");
+  scene.svg.dispatchEvent(new KeyboardEvent("keydown", { key: "End" }));
+  const cells = (row) => [...row.children].map((one) => one.textContent);
+  const rows = (id) => [...document.querySelectorAll(`#${id} tbody tr`)].map(cells);
+  for (const id of ["jumps", "table", "events"]) seen[id] = rows(id);
+  Object.assign(seen, { state: view.values, panel: document.querySelectorAll("#state dd").length });
 """
 
 
 @cache
 def film() -> cb.Diagram:
     return cb.trace(cb.Contact.reduced(cb.Gauss, tabor=4.0, sign=-1), accuracy=1e-4)
+
+
+@cache
+def force_loop() -> cb.Hysteresis:
+    contact = cb.Contact.physical(radius="1 um", modulus="1 GPa", interaction="maugis-dugdale",
+                                  work_of_adhesion="40 mN/m", range="1 nm")  # fmt: skip
+    return cb.hysteresis(contact, control=cb.Spring("1 N/m"))
 
 
 def unpacked(text: str) -> tuple[dict[str, Any], Any]:
@@ -102,7 +142,7 @@ def test_a_page_holds_what_was_computed_and_nothing_from_outside() -> None:
 
 @cache
 def visited(kind: str) -> dict[str, Any]:
-    """What a browser shows of a page on which someone has done what `VISIT` does."""
+    """What a narrow browser shows of a page on which someone has done what is written above."""
     import tempfile
 
     with tempfile.TemporaryDirectory() as name:
@@ -113,9 +153,17 @@ def visited(kind: str) -> dict[str, Any]:
             with ThreadPoolExecutor(1) as executor:
                 text = page(cb.sweep(design, folder / "s.h5", executor, accuracy=1e-4))
         else:
-            text = page(film())
-        (folder / "page.html").write_text(text.replace("</body>", VISIT + "</body>"), encoding="utf-8")
-        options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000", "--dump-dom"]
+            text = page(force_loop() if kind == "loop" else film())
+        visit = VISIT.replace("@DONE@", OF_LOOPS if kind == "loop" else OF_CURVES)
+        (folder / "page.html").write_text(text.replace("</body>", visit + "</body>"), encoding="utf-8")
+        options = [
+            "--headless=new",
+            "--window-size=500,900",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--virtual-time-budget=20000",
+            "--dump-dom",
+        ]
         command = [str(BROWSER), *options, f"--user-data-dir={folder / 'profile'}", (folder / "page.html").as_uri()]
         done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert "<title>error" not in done.stdout
@@ -139,6 +187,32 @@ def test_pointing_at_the_curve_shows_the_profile_computed_there(kind: str) -> No
     assert seen["stops"] > 100
     assert seen["events"] == 6
     assert kind == "diagram" or (seen["item"] == 1 and "-0.9" in seen["told"].replace("−", "-"))
+    if kind == "sweep":  # on the curve of the other contact what is controlled has the value that it had
+        (_, before), (other, there), (_, back) = seen["places"]
+        assert other == 1
+        assert (there, back) == pytest.approx((before, before), rel=1e-6)
+    assert seen["above"]  # the present state, of all marks
+    assert seen["said"] == "symmetry m = 3"
+    assert seen["names"] > 3
+    assert seen["covered"] == 0
+    assert seen["apart"] > 0.0
+    assert seen["beyond"] <= 0
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here: pages are drawn by a browser alone")
+def test_a_loop_without_a_curve_has_its_states_and_its_jumps() -> None:
+    loop, seen = force_loop(), visited("loop")
+    assert len(seen["table"]) == len(loop.path)
+    last = {"load": loop.path.load[-1], "piezo": loop.path.position[-1], "deflection": loop.path.load[-1]}
+    for name, value in last.items():
+        assert seen["state"][name] == pytest.approx(value, rel=1e-6, abs=1e-6)
+    assert seen["panel"] == 8  # seven columns, and that it is stable
+    lost = [float(row[-1]) for row in seen["jumps"] if row[-1]]
+    assert lost == pytest.approx([*(jump.dissipated for jump in loop.jumps), loop.dissipated], rel=1e-6)
+    assert [row[0] for row in seen["jumps"]] == ["jump-in", "", "pull-off", "", "whole loop"]
+    assert seen["events"] == []
+    assert seen["apart"] > 0.0
+    assert seen["beyond"] <= 0
 
 
 def test_the_command_writes_pages_of_traces_and_loops(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

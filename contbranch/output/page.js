@@ -1,10 +1,11 @@
 "use strict";
 // The page of a diagram, a loop or a sweep. `data` says what there is; its arrays are [start, length] in `numbers`.
 const WORDS = { load: "Load F", displacement: "Displacement d", contact_radius: "Contact radius a",
-  central_gap: "Central gap g(0)", energy: "Energy V", gap: "Gap g", pressure: "Pressure p", r: "Radius r" };
-const NAMES = Object.keys(WORDS).slice(0, 5);
+  central_gap: "Central gap g(0)", energy: "Energy V", piezo: "Position of the spring d + F/K", deflection: "Deflection F/K",
+  gap: "Gap g", pressure: "Pressure p", r: "Radius r" };
 const byId = (id) => document.getElementById(id);
 const data = JSON.parse(byId("data").textContent);
+const NAMES = Object.keys(WORDS).slice(0, data.items.some((one) => one.stiffness) ? 7 : 5);
 const view = { item: 0, branch: 0, row: 0, x: "load", y: "contact_radius", control: "load", all: false, step: null };
 let numbers = null, scene = null;
 
@@ -17,12 +18,15 @@ async function unpack(text) {
   return new Float32Array(bytes.buffer);
 }
 const array = (place) => numbers.subarray(place[0], place[0] + place[1]);
+const driven = (control = view.control) => control === "spring" ? "piezo" : control;
 const item = () => data.items[view.item];
-const unit = (name) => data.units[{ r: "radius" }[name] || name] || "";
+const unit = (name) => data.units[{ r: "radius", piezo: "displacement", deflection: "displacement" }[name] || name] || "";
 const label = (name) => WORDS[name] + (unit(name) ? ` (${unit(name)})` : "");
 const words = (name) => name.replace(/_/g, " ");
 const digits = (value, count = 7) => value === null || Number.isNaN(value) ? "–"
   : String(Number(value.toPrecision(count))).replace("-", "−").replace(/e[+]?/, " e");
+const called = (event) => event.kind === "touch" ? "first touch"
+  : [event.kind, event.name, event.mode && `m = ${event.mode}`].filter(Boolean).join(" ");
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 function element(kind, given = {}, parent = null, text = null) {
@@ -40,18 +44,31 @@ function draw(kind, given, parent, text = null) {
   return made;
 }
 
+const pen = document.createElement("canvas").getContext("2d");
+pen.font = `13px ${getComputedStyle(document.body).fontFamily}`;
+const wide = (text) => pen.measureText(text).width;
+
 // Axes ---------------------------------------------------------------------------------------------------------------
 function ticks(low, high, count) {
   const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 2.5, 5, 10].map((k) => k * power).find((one) => one >= raw * 0.999);
   const found = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
-  return { at: found, show: (v) => digits(Math.abs(v) < 1e-9 * step ? 0 : v, 6) };
+  return { at: found, step, show: (v) => digits(Math.abs(v) < 1e-9 * step ? 0 : v, 6) };
+}
+const upwards = (range, height) => ticks(...range, Math.max(2, height / 48));
+// As wide as the numbers beside it, and the name of the axis beside these.
+function margin(range, height) {
+  const { at, show } = upwards(range, height);
+  return 34 + Math.max(22, ...at.map((v) => wide(show(v))));
 }
 function axes(svg, box, x, y, names) {
   const px = (v) => box.left + (v - x[0]) / (x[1] - x[0]) * box.width;
   const py = (v) => box.top + box.height - (v - y[0]) / (y[1] - y[0]) * box.height;
-  const horizontal = ticks(...x, Math.max(3, box.width / 75)), vertical = ticks(...y, Math.max(2, box.height / 48));
+  const vertical = upwards(y, box.height);
+  const crowded = ({ at, step, show }) => Math.max(0, ...at.map((v) => wide(show(v)))) + 14 > box.width / (x[1] - x[0]) * step;
+  let count = Math.max(3, box.width / 75), horizontal = ticks(...x, count);
+  while (count > 1 && crowded(horizontal)) horizontal = ticks(...x, --count);
   for (const v of horizontal.at) {
     if (v === 0) draw("line", { class: "zero", x1: px(0), x2: px(0), y1: box.top, y2: box.top + box.height }, svg);
     draw("line", { class: "tick", x1: px(v), x2: px(v), y1: box.top + box.height, y2: box.top + box.height - 5 }, svg);
@@ -110,7 +127,8 @@ function drawDiagram() {
   holder.replaceChildren();
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, tabindex: 0, role: "application",
     "aria-label": `${WORDS[view.y]} against ${WORDS[view.x]}. Left and right arrow keys move along the curve.` }, holder);
-  const range = limits(), box = { left: 74, top: 10, width: width - 90, height: height - 60 };
+  const range = limits(), left = margin(range[view.y], height - 60);
+  const box = { left, top: 10, width: width - left - 16, height: height - 60 };
   const plot = axes(svg, box, range[view.x], range[view.y], [label(view.x), label(view.y)]);
   for (const branch of item().branches) {
     const xs = array(branch.fine[view.x]), ys = array(branch.fine[view.y]), stable = array(branch.stable[view.control]);
@@ -128,28 +146,19 @@ function drawDiagram() {
     for (const [a, b] of loop.jumps) draw("path", { class: "jump", d: line([a[0], b[0]], [a[1], b[1]], plot.px, plot.py) }, plot.inside);
   }
   if (view.step !== null) for (const [x, y] of loop.lost || []) {
-    const far = plot.px(x) > box.left + 0.6 * box.width;
-    draw("text", { x: plot.px(x) + (far ? -12 : 12), y: plot.py(y) + 22, "text-anchor": far ? "end" : "start" }, svg,
-      "jumps to no state of this curve");
+    const text = "jumps to no state of this curve", left = clamp(plot.px(x) + 12, box.left + 4, box.left + box.width - wide(text) - 4);
+    draw("text", { x: left, y: plot.py(y) + 22 }, svg, text);
   }
-  const placed = [];
-  for (const event of item().events) {
-    const x = plot.px(event[view.x]), y = plot.py(event[view.y]);
-    const shown = event.kind === "touch" || event.kind === "symmetry" || (event.kind === "fold" && event.control === view.control);
-    if (!shown || x < box.left || x > box.left + box.width || y < box.top || y > box.top + box.height) continue;
-    if (event.kind === "fold") draw("circle", { class: "mark", cx: x, cy: y, r: 5 }, svg);
-    else draw("path", { class: "mark", d: `M${x - 5} ${y}L${x} ${y - 5}L${x + 5} ${y}L${x} ${y + 5}Z` }, svg);
-    const text = event.kind === "touch" ? "first touch" : event.name || (event.kind === "symmetry" ? "symmetry" : "");
-    if (!text) continue;
-    const long = 7.2 * text.length;
-    const spots = [[9, -8], [9, 18], [-9 - long, -8], [-9 - long, 18], [9, -24], [9, 34], [-9 - long, -24], [-9 - long, 34]];
-    const free = ([dx, dy]) => x + dx > box.left && x + dx + long < box.left + box.width && y + dy - 12 > box.top && y + dy < box.top + box.height
-      && placed.every((p) => Math.abs(p[1] - y - dy) > 15 || p[0] + p[2] < x + dx || p[0] > x + dx + long);
-    const [dx, dy] = spots.find(free) || spots[0];
-    placed.push([x + dx, y + dy, long]);
-    draw("text", { x: x + dx, y: y + dy, style: "paint-order:stroke;stroke:var(--paper);stroke-width:4px" }, svg, text);
+  const marks = item().events.map((event) => ({ event, x: plot.px(event[view.x]), y: plot.py(event[view.y]) })).filter(({ event, x, y }) =>
+    (["touch", "symmetry"].includes(event.kind) || (event.kind === "fold" && event.control === view.control))
+    && x >= box.left && x <= box.left + box.width && y >= box.top && y <= box.top + box.height);
+  for (const { event, x, y } of marks) {
+    const made = event.kind === "fold" ? draw("circle", { class: "mark", cx: x, cy: y, r: 5 }, svg)
+      : draw("path", { class: "mark", d: `M${x - 5} ${y}L${x} ${y - 5}L${x + 5} ${y}L${x} ${y + 5}Z` }, svg);
+    draw("title", {}, made, called(event));
   }
-  const here = draw("circle", { class: "here", r: 6, cx: -99, cy: -99 }, plot.inside);
+  drawNames(svg, box, marks);
+  const here = draw("circle", { class: "here", r: 6, cx: -99, cy: -99 }, draw("g", { "clip-path": plot.inside.getAttribute("clip-path") }, svg));
   scene = { svg, plot, here };
   const point = (event) => {
     const frame = svg.getBoundingClientRect(), k = width / frame.width;
@@ -159,38 +168,62 @@ function drawDiagram() {
   svg.addEventListener("pointerdown", point);
   svg.addEventListener("keydown", (event) => {
     const step = { ArrowLeft: -1, ArrowRight: 1, PageUp: -10, PageDown: 10, Home: -1e9, End: 1e9 }[event.key];
-    if (step) { event.preventDefault(); select(view.branch, view.row + step); }
+    if (step) { event.preventDefault(); go(view.branch, (item().branches.length ? view.row : view.step) + step); }
   });
-  byId("legend").innerHTML = "";
-  const legend = draw("svg", { width: 520, height: 22, viewBox: "0 0 520 22", style: "max-width:520px" }, byId("legend"));
-  draw("line", { class: "stable", x1: 0, x2: 34, y1: 12, y2: 12 }, legend);
-  draw("text", { x: 40, y: 16 }, legend, "stable");
-  draw("line", { class: "unstable", x1: 98, x2: 132, y1: 12, y2: 12 }, legend);
-  draw("text", { x: 138, y: 16 }, legend, `unstable under ${view.control === "spring" ? "the spring" : view.control}`);
-  if (view.step !== null || item().loop) {
-    draw("line", { class: "loop", x1: 360, x2: 394, y1: 12, y2: 12 }, legend);
-    draw("text", { x: 400, y: 16 }, legend, "quasi-static loop");
+  const control = view.control === "spring" ? "the spring" : view.control;
+  const known = { stable: "stable", unstable: `unstable under ${control}`, loop: "quasi-static loop" };
+  byId("legend").replaceChildren();
+  for (const [kind, text] of Object.entries(known)) {
+    if (kind === "loop" ? view.step === null && !item().loop : !item().branches.length) continue;
+    const holder = element("span", {}, byId("legend")), sample = draw("svg", { viewBox: "0 0 34 12" }, holder);
+    draw("line", { class: kind, x1: 0, x2: 34, y1: 6, y2: 6 }, sample);
+    holder.append(text);
   }
 }
+// Names beside the marks, those of the layers nearest to the wall first. One without a free place is left out: its mark
+// says it to who points at it, and so does the table.
+function drawNames(svg, box, marks) {
+  const taken = marks.map(({ x, y }) => [x - 5, x + 5, y - 18, y + 18]);  // no name is that of the mark below it
+  const layer = ({ event }) => event.mode || Number((/-(\d+)$/.exec(event.name) || [])[1] || 0);
+  for (const { event, x, y } of [...marks].sort((one, other) => layer(one) - layer(other))) {
+    const text = { fold: event.name || "", symmetry: `m = ${event.mode}` }[event.kind] ?? called(event), long = wide(text);
+    const spots = [-8, 18, -24, 34].flatMap((dy) => [9, -9 - long].map((dx) => [x + dx, x + dx + long, y + dy - 10, y + dy + 2]));
+    const free = spots.find(([a, b, c, d]) => a > box.left && b < box.left + box.width && c > box.top && d < box.top + box.height
+      && taken.every(([left, right, top, bottom]) => b < left || a > right || d < top || c > bottom));
+    if (!text || !free) continue;
+    taken.push(free);
+    draw("text", { class: "name", x: free[0], y: free[3] - 2 }, svg, text);
+  }
+}
+// Rows that can be pointed at: of the curve, or, where a loop has none behind it, those of the loop itself.
+const lines = () => item().branches.length ? item().branches.map((branch) => branch.rows) : item().loop ? [item().loop] : [];
 function nearest(x, y) {
   let best = Infinity, found = null;
-  item().branches.forEach((branch, b) => {
-    const xs = array(branch.rows[view.x]), ys = array(branch.rows[view.y]);
+  lines().forEach((rows, b) => {
+    const xs = array(rows[view.x]), ys = array(rows[view.y]);
     xs.forEach((value, i) => {
       const far = Math.hypot(scene.plot.px(value) - x, scene.plot.py(ys[i]) - y);
       if (far < best) { best = far; found = [b, i]; }
     });
   });
-  if (found) select(...found);
+  if (found) go(...found);
+}
+function go(branch, row) {
+  if (item().branches.length) return select(branch, row);
+  byId("loop").value = row;
+  play(Number(byId("loop").value));
 }
 function select(branch, row, values = null) {
   const one = item().branches[branch];
   if (!one) return drawProfile();
   view.branch = branch;
   view.row = clamp(row, 0, array(one.rows.load).length - 1);
-  view.values = values || Object.fromEntries(NAMES.map((name) => [name, array(one.rows[name])[view.row]]));
-  scene.here.setAttribute("cx", scene.plot.px(view.values[view.x]));
-  scene.here.setAttribute("cy", scene.plot.py(view.values[view.y]));
+  show(values || Object.fromEntries(NAMES.map((name) => [name, array(one.rows[name])[view.row]])));
+}
+function show(values) {
+  view.values = values;
+  scene.here.setAttribute("cx", scene.plot.px(values[view.x]));
+  scene.here.setAttribute("cy", scene.plot.py(values[view.y]));
   drawProfile();
 }
 
@@ -226,10 +259,11 @@ function maps(branch = view.branch, row = view.row) {
   return { x: [x0, x1], y: [y0, y1], columns, rows, gap: cut(kept.gap), pressure: cut(kept.pressure) };
 }
 function drawMap(holder, shown, name, stops, low, high, note) {
-  const width = holder.clientWidth || 420, inner = Math.min(width - 90, 330 * (shown.x[1] - shown.x[0]) / (shown.y[1] - shown.y[0]));
+  const width = holder.clientWidth || 420;
   const half = [shown.x, shown.y].map(([a, b], k) => (b - a) / (2 * ([shown.columns, shown.rows][k] - 1 || 1)));
   const x = [shown.x[0] - half[0], shown.x[1] + half[0]], y = [shown.y[0] - half[1], shown.y[1] + half[1]];
-  const box = { left: 74, top: 26, width: inner, height: inner * (y[1] - y[0]) / (x[1] - x[0]) }, height = box.height + 70;
+  const shape = (x[1] - x[0]) / (y[1] - y[0]), left = margin(y, 330), inner = Math.min(width - left - 16, 330 * shape);
+  const box = { left, top: 8, width: inner, height: inner / shape }, height = box.height + 52;
   const canvas = element("canvas", { width: shown.columns, height: shown.rows }), ink = canvas.getContext("2d");
   const image = ink.createImageData(shown.columns, shown.rows);
   shown[name].forEach((value, k) => {
@@ -237,8 +271,8 @@ function drawMap(holder, shown, name, stops, low, high, note) {
     image.data.set([...(touching ? [64, 64, 64] : colour(stops, (value - low) / (high - low || 1))), 255], place);
   });
   ink.putImageData(image, 0, 0);
+  element("p", { class: "note" }, holder, note);
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img", "aria-label": `Map: ${note}` }, holder);
-  draw("text", { x: box.left, y: 16 }, svg, note);
   draw("image", { id: `map-${name}`, href: canvas.toDataURL(), x: box.left, y: box.top, width: box.width, height: box.height,
     preserveAspectRatio: "none", style: "image-rendering:pixelated" }, svg);
   axes(svg, box, x, y, [`x${unit("r") ? ` (${unit("r")})` : ""}`, `y${unit("r") ? ` (${unit("r")})` : ""}`]);
@@ -253,16 +287,16 @@ function drawProfile() {
   const one = item().branches[view.branch], holder = byId("profile"), shown = profile();
   holder.replaceChildren();
   byId("state").replaceChildren();
-  if (!one) return;
+  if (!one && !item().loop) return;
   const entry = (name, value) => { element("dt", {}, byId("state"), name); element("dd", {}, byId("state"), value); };
   for (const name of NAMES) entry(WORDS[name], `${digits(view.values[name])} ${unit(name)}`);
   for (const control of item().controls) {
-    const modes = array(one.unstable[control])[view.row];
+    const modes = one ? array(one.unstable[control])[view.row] : 0;  // a loop passes stable states
     entry(`under ${control === "spring" ? "the spring" : control}`, modes ? `unstable (${modes} mode${modes > 1 ? "s" : ""})` : "stable");
   }
   const flat = maps();
   if (flat) return drawMaps(holder, flat);
-  if (!shown) return void element("p", { class: "soft" }, holder, "No profiles were kept for this curve.");
+  if (!shown) return void element("p", { class: "soft" }, holder, `No profiles were kept for this ${one ? "curve" : "loop"}.`);
   const width = holder.clientWidth || 420, height = clamp(0.98 * width, 300, 460), half = (height - 66) / 2;
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img",
     "aria-label": `Deformed tip above the wall, and pressure, at load ${digits(array(one.rows.load)[view.row])}` }, holder);
@@ -272,16 +306,18 @@ function drawProfile() {
   const last = shown.r.length - 1, slope = (shown.gap[last] - shown.gap[last - 1]) / (shown.r[last] - shown.r[last - 1]);
   const beyond = Math.max(0, 1.5 * top - shown.gap[last]) / Math.max(slope, 1e-9);
   const rs = mirrored(shown.r).map((v, i) => i <= last ? -v : v);
-  const upper = axes(svg, { left: 74, top: 8, width: width - 90, height: half }, [low, reach], [-0.14 * top, top], ["", label("gap")]);
-  const bottom = upper.py(-0.14 * top), gaps = [1.5 * top, ...mirrored(shown.gap), 1.5 * top];
-  const wide = [rs[0] - beyond, ...rs, rs[rs.length - 1] + beyond];
-  draw("rect", { class: "wall", x: 74, y: upper.py(0), width: width - 90, height: bottom - upper.py(0) }, upper.inside);
-  if (!onGrid) draw("path", { class: "body", id: "tip", d: line(wide, gaps, upper.px, upper.py) }, upper.inside);
+  const gaps = [-0.14 * top, top], pressures = span("pressure", one);
+  const left = Math.max(margin(gaps, half), margin(pressures, half)), box = { left, top: 8, width: width - left - 16, height: half };
+  const upper = axes(svg, box, [low, reach], gaps, ["", label("gap")]);
+  const outline = [1.5 * top, ...mirrored(shown.gap), 1.5 * top];
+  const across = [rs[0] - beyond, ...rs, rs[rs.length - 1] + beyond];
+  draw("rect", { class: "wall", x: left, y: upper.py(0), width: box.width, height: box.top + half - upper.py(0) }, upper.inside);
+  if (!onGrid) draw("path", { class: "body", id: "tip", d: line(across, outline, upper.px, upper.py) }, upper.inside);
   if (item().tip) {
     const r = array(item().tip.r), z = Array.from(array(item().tip.z), (v) => v + array(one.rows.central_gap)[view.row]);
     draw("path", { class: "outline", d: line(r, z, upper.px, upper.py) + line(Array.from(r, (v) => -v), z, upper.px, upper.py) }, upper.inside);
   }
-  const lower = axes(svg, { left: 74, top: 16 + half, width: width - 90, height: half }, [low, reach], span("pressure", one), [label("r"), label("pressure")]);
+  const lower = axes(svg, { ...box, top: 16 + half }, [low, reach], pressures, [label("r"), label("pressure")]);
   if (onGrid) {
     element("p", { class: "soft" }, holder, "On a grid: means over the nodes at equal distance from the middle.");
     const dots = (values, plot) => Array.from(shown.r, (r, i) => `M${plot.px(r)} ${plot.py(values[i])}h0`).join("");
@@ -305,10 +341,7 @@ function runs() {
   });
   return found;
 }
-function drive(branch) {
-  const load = array(branch.fine.load), d = array(branch.fine.displacement);
-  return view.control === "load" ? load : view.control === "displacement" ? d : d.map((v, i) => v + load[i] / item().stiffness);
-}
+const drive = (branch) => array(branch.fine[driven()]);
 function between(values, i) {  // at a place between drawn points
   const k = Math.floor(i);
   return i === k ? values[k] : values[k] + (i - k) * (values[k + 1] - values[k]);
@@ -325,20 +358,20 @@ function locate(run, value) {
   }
   return null;
 }
-let travelled = { key: "", stops: [], jumps: [] };
+let travelled = { key: "", stops: [], jumps: [], turn: Infinity };  // turn: how many stops are on the way there
 function travel() {
   const key = [view.item, view.control].join();
   if (travelled.key === key) return travelled;
   const all = runs(), stops = [], jumps = [];
-  let run = all[0], i = run ? run.start : 0, direction = 1;
-  for (let turn = 0; run && turn < 2 * all.length + 2; turn++) {
+  let run = all[0], i = run ? run.start : 0, direction = 1, turn = Infinity;
+  for (let legs = 0; run && legs < 2 * all.length + 2; legs++) {
     const goal = run.up * direction > 0 ? run.stop : run.start;
     for (; i !== goal; i = goal > i ? Math.floor(i) + 1 : Math.ceil(i) - 1) stops.push([run.b, i]);
     stops.push([run.b, i]);
     const forward = goal === run.stop;
     if ((forward && run.last) || (!forward && run.start === 0)) {
       if (direction < 0) break;
-      direction = -1;
+      [direction, turn] = [-1, stops.length];
       continue;
     }
     const value = run.at[goal], level = height(item().branches[run.b], goal, value), order = all.indexOf(run);
@@ -347,13 +380,13 @@ function travel() {
     if (!next) {
       jumps.push([[run.b, i], null]);
       if (direction < 0) break;
-      direction = -1;
+      [direction, turn] = [-1, stops.length];
       continue;
     }
     jumps.push([[run.b, i], [next[0].b, next[1]]]);
     [run, i] = next;
   }
-  travelled = { key, stops, jumps };
+  travelled = { key, stops, jumps, turn };
   return travelled;
 }
 const looped = () => Boolean(item().loop) && item().control === view.control;
@@ -381,7 +414,7 @@ function journey() {
   legs.push(leg);
   for (const [from, to] of made.filter((jump) => jump[1])) {
     const before = at(from), after = at(to);  // what is controlled does not change
-    jumps.push([before, [view.x, view.y].map((name, k) => name === view.control ? before[k] : after[k])]);
+    jumps.push([before, [view.x, view.y].map((name, k) => name === driven() ? before[k] : after[k])]);
   }
   return { legs, jumps, lost: made.filter((jump) => !jump[1]).map((jump) => at(jump[0])), count: stops.length };
 }
@@ -398,45 +431,76 @@ function play(step) {
       if (far < best) { best = far; found = [b, i]; }
     }));
     const values = Object.fromEntries(NAMES.map((name) => [name, array(item().loop[name])[step]]));
-    if (found) return select(...found, values);
-    scene.here.setAttribute("cx", scene.plot.px(values[view.x]));
-    return scene.here.setAttribute("cy", scene.plot.py(values[view.y]));
+    return found ? select(...found, values) : show(values);
   }
   const stop = travel().stops[step];
   if (!stop) return drawProfile();
-  const branch = item().branches[stop[0]];
-  const values = Object.fromEntries(NAMES.map((name) => [name, between(array(branch.fine[name]), stop[1])]));
-  select(stop[0], Math.round(between(array(branch.position), stop[1])), values);  // the profile is that of the nearest point
+  visit(...stop);
+}
+function visit(b, i) {
+  const branch = item().branches[b], values = Object.fromEntries(NAMES.map((name) => [name, between(array(branch.fine[name]), i)]));
+  select(b, Math.round(between(array(branch.position), i)), values);  // the profile is that of the nearest point
+}
+
+// On another curve: the place where what is controlled is what it was; of several the nearest, on a loop on the same way.
+function keep(values, back) {
+  const sizes = ["load", "displacement", "contact_radius", driven()].map((name) => {
+    const ends = item().branches.flatMap((branch) => span(name, branch.fine));
+    return [name, Math.max(...ends) - Math.min(...ends)];
+  });
+  const path = view.step === null ? item().branches.flatMap((branch, b) => Array.from(drive(branch), (_, i) => [b, i])) : travel().stops;
+  let best = Infinity, found = null;
+  path.slice(0, -1).forEach(([b, i], k) => {
+    const [next, j] = path[k + 1];
+    if (next !== b || (view.step !== null && back !== k >= travel().turn)) return;
+    const fine = item().branches[b].fine, at = drive(item().branches[b]), [from, to] = [between(at, i), between(at, j)];
+    const share = clamp((values[driven()] - from) / (to - from || 1), 0, 1), place = i + share * (j - i);
+    const off = sizes.map(([name, size]) => (between(array(fine[name]), place) - values[name]) / size);
+    const far = Math.hypot(...off) + 1e3 * Math.abs(off[3]);
+    if (far < best) { best = far; found = [b, place, k + Math.round(share)]; }
+  });
+  if (!found) return;
+  if (view.step === null) return visit(found[0], found[1]);
+  byId("loop").value = found[2];
+  play(found[2]);
 }
 
 // Tables, menus, sliders ----------------------------------------------------------------------------------------------
 function table(holder, headings, rows) {
   holder.replaceChildren();
+  if (!rows.length) return;
   const made = element("table", {}, holder), head = element("tr", {}, element("thead", {}, made));
   headings.forEach((text) => element("th", { scope: "col" }, head, text));
   const body = element("tbody", {}, made);
   for (const row of rows) { const tr = element("tr", {}, body); row.forEach((text) => element("td", {}, tr, text)); }
 }
 function drawTables() {
-  const shown = NAMES.slice(0, 4);
+  const shown = NAMES.slice(0, 4), { jumps, dissipated } = item().loop || { jumps: [] };
+  const ends = (state) => shown.map((name) => digits(state ? state[name] : null));
+  table(byId("jumps"), ["jump", label(driven(item().control)), "", ...shown.map(label), `dissipated ${unit("energy") && `(${unit("energy")})`}`], [
+    ...jumps.flatMap((jump) => [[jump.name || "jump", digits(jump.position), "from", ...ends(jump.from), digits(jump.dissipated)],
+      ["", "", jump.to ? "to" : "to infinity", ...ends(jump.to), ""]]),
+    ...jumps.slice(0, 1).map(() => ["whole loop", "", "", ...shown.map(() => ""), digits(dissipated)])]);
   table(byId("events"), ["event", "control", ...shown.map(label)], item().events.map((e) =>
-    [`${e.kind === "touch" ? "first touch" : e.kind} ${e.name || ""}`, e.control || "", ...shown.map((name) => digits(e[name]))]));
+    [called(e), e.control || "", ...shown.map((name) => digits(e[name]))]));
   const holder = byId("table"), fill = () => {
     const rows = [];
-    for (const branch of item().branches) array(branch.rows.load).forEach((_, i) =>
-      rows.push([String(i), ...NAMES.map((name) => digits(array(branch.rows[name])[i])), ...item().controls.map((c) => digits(array(branch.unstable[c])[i]))]));
-    table(holder, ["point", ...NAMES.map(label), ...item().controls.map((c) => `unstable modes, ${c}`)], rows);
+    const counted = item().branches.length ? item().controls : [];
+    lines().forEach((line, b) => array(line.load).forEach((_, i) => rows.push([String(i), ...NAMES.map((name) => digits(array(line[name])[i])),
+      ...counted.map((c) => digits(array(item().branches[b].unstable[c])[i]))])));
+    table(holder, ["point", ...NAMES.map(label), ...counted.map((c) => `unstable modes, ${c}`)], rows);
   };
   holder.replaceChildren();
   holder.parentElement.ontoggle = () => { if (holder.parentElement.open) fill(); };
   if (holder.parentElement.open) fill();
 }
 function redraw() {
-  const status = item().status === "complete" ? "" : `${item().status}: ${item().message}`;
+  const status = item().status !== "complete" ? `${item().status}: ${item().message}` : item().loop ? item().message : "";
   const at = Object.entries(item().parameters || {}).map(([name, value]) => `${name} = ${digits(value, 5)} ${unit(name)}`.trim()).join(", ");
   byId("status").textContent = [at, status].filter(Boolean).join(" · ");
   if (item().controls.length && !item().controls.includes(view.control)) view.control = item().controls[0];
   view.branch = clamp(view.branch, 0, Math.max(0, item().branches.length - 1));
+  if (item().loop && !item().branches.length && view.step === null) view.step = 0;
   drawDiagram();
   drawTables();
   const slider = byId("loop");
@@ -488,10 +552,12 @@ function start() {
     names.forEach((name, k) => {
       const shown = (v) => grid ? `${digits(data.axes[name][v], 4)} ${unit(name)}` : String(v);
       const made = slider(`parameter${k}`, name, (grid ? sizes[k] : data.items.length) - 1, (value) => {
+        const before = view.values, back = view.step >= travel().turn;
         places[k] = value;
         view.item = grid ? places.reduce((sum, p, j) => sum * sizes[j] + p, 0) : value;
         text.textContent = shown(value);
         redraw();
+        if (before) keep(before, back);
       });
       if (!grid) made.value = view.item;
       const text = element("span", { class: "soft", style: "min-width:6.5em" }, made.parentElement, shown(Number(made.value)));

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from contbranch.arrays import Array, plain
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
-from contbranch.output.plot_curve import COORDINATES, coordinate, smooth_line
+from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, coordinate, observable, smooth_line
 from contbranch.results.diagram import Branch, Diagram
 from contbranch.results.fit_map import FitMap
 from contbranch.results.loop import Hysteresis
@@ -103,7 +103,8 @@ class _Packed:
         ranges = [law.get("range", 0.0) for law in diagram.description.get("interaction", [])]
         limit = _RANGES * float(max(ranges, default=0.0))  # of the gap; 0: whatever there is
         events = [
-            {name: getattr(event, name) for name in ("kind", "control", "name", "position", "branch", *COORDINATES[:4])}
+            {name: getattr(event, name) for name in ("kind", "control", "name", "mode", "position", "branch")}
+            | {name: coordinate(diagram, event, name) for name in _columns(diagram) if name != "energy"}
             | {"energy": coordinate(diagram, event, "energy") if len(diagram.branches) else None}
             for event in diagram.events
         ]
@@ -124,12 +125,12 @@ class _Packed:
         line = lines[0]
         taken = np.unique([*range(0, len(line.position), every), max(len(line.position) - 1, 0)])
         taken = taken[taken < len(line.position)]
-        fine = {name: self.put(line.columns[name][taken]) for name in COORDINATES}
+        fine = {name: self.put(column[taken]) for name, column in line.columns.items()}
         stable = {
             control: self.put(one.stable[one.step[taken]] if len(one.stable) else np.zeros(len(taken)))
             for control, one in zip(controls, lines, strict=True)
         }
-        rows = {name: self.put(getattr(branch, name)) for name in COORDINATES}
+        rows = {name: self.put(observable(branch, name, diagram.stiffness)) for name in _columns(diagram)}
         unstable = {control: self.put(branch.unstable(control)) for control in controls}
         found = {"fine": fine, "position": self.put(line.position[taken]), "stable": stable, "rows": rows}
         return {**found, "unstable": unstable, **self._profiles(branch, limit), **self._maps(branch)}
@@ -169,6 +170,10 @@ class _Packed:
         }
 
 
+def _columns(result: Diagram | Hysteresis) -> tuple[str, ...]:
+    return (*COORDINATES, *(OF_SPRINGS if result.stiffness else ()))
+
+
 def _of_sweep(sweep: Sweep, packed: _Packed) -> Iterator[_Json]:
     from contbranch.output.sweep_file import diagram_of, records_of
 
@@ -190,6 +195,5 @@ def _of_loop(loop: Hysteresis, curve: Diagram | None, packed: _Packed) -> _Json:
     item: _Json = {"branches": [], "events": [], "controls": [loop.control], "thresholds": {}}
     if curve is not None:
         item = packed.diagram(curve, loop.contact, {})
-    found = {name: packed.put(getattr(path, name)) for name in (*COORDINATES, "leg", "direction")}
-    jumps = [{"name": jump.name, "dissipated": jump.dissipated, "closed": jump.to is not None} for jump in loop.jumps]
-    return {**item, **about, "loop": {**found, "jumps": jumps}}
+    found = {name: packed.put(observable(path, name, loop.stiffness)) for name in (*_columns(loop), "leg", "direction")}
+    return {**item, **about, "loop": {**found, "jumps": loop.jumps, "dissipated": loop.dissipated}}
