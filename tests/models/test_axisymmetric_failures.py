@@ -296,11 +296,11 @@ def test_a_ring_under_a_cap_is_found_at_every_accuracy():
     may lead so far that the gap seems to close at the edge first, which would be the end of the curve.
     """
     contact = cb.Contact(cb.SphericalCap(7.486), cb.InverseSquare(-1.0, 1.5605))
-    fine = cb.trace(contact, accuracy=1e-8)
+    fine = cb.trace(contact, accuracy=1e-8, modes=0)
     assert fine.status == "complete", fine.message
     assert [event.kind for event in fine.events] == ["topology", "topology", "end"]
     for accuracy in (1e-4, 1e-6):
-        diagram = cb.trace(contact, accuracy=accuracy)
+        diagram = cb.trace(contact, accuracy=accuracy, modes=0)
         for one, other in zip(diagram.events, fine.events, strict=True):
             for name, error in one.error.items():
                 assert abs(getattr(one, name) - getattr(other, name)) <= error + other.error[name]

@@ -217,9 +217,8 @@ def test_a_fold_a_hair_behind_touch_is_found_from_steps_that_are_cut_short():
 def test_radii_that_a_ring_skips_are_no_states():
     """Contact begins on a ring of r = 0.1576, where the film's gap closes: no contact is smaller."""
     contact = cb.Contact(cb.PowerLaw(3.5, 1.0), cb.Exponential(-1.0, 8.0))
-    for radius in (1e-3, 0.15):
-        with pytest.raises(cb.InputError, match=r"contact radii greater than 0\.157\d+ are reachable"):
-            cb.solve(contact, contact_radius=radius)
+    with pytest.raises(cb.InputError, match=r"contact radii greater than 0\.157\d+ are reachable"):
+        cb.solve(contact, contact_radius=0.15, accuracy=1e-4)
     state = cb.solve(contact, contact_radius=0.2)
     again = cb.solve(contact, displacement=state.displacement)
     assert again.contact_radius == pytest.approx(0.2, abs=1e-6)
@@ -232,7 +231,7 @@ def test_a_stiff_film_under_a_flat_tip_breaks_on_a_ring_and_then_in_the_middle()
     The ring is born where the film's pressure reaches its bound, and its hole closes where that all but rests.
     """
     contact = cb.Contact(cb.PowerLaw(2.5, 1.0), cb.InverseSquare(-1.0, 1.0 / 12.0))
-    coarse, fine = (cb.trace(contact, accuracy=accuracy) for accuracy in (1e-4, 1e-6))
+    coarse, fine = (cb.trace(contact, accuracy=accuracy, modes=0) for accuracy in (1e-4, 1e-6))
     for diagram in (coarse, fine):
         assert diagram.status == "complete", diagram.message
         assert len(diagram.branches[0].load) < 130
