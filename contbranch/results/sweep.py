@@ -141,11 +141,12 @@ class Sweep(Result):
             Some of `names`; default: the loads of the folds.
         level : float, optional
             A line where a threshold has this value: over two parameters the boundary of a phase diagram at that level.
+            It is one of the quantity of the first threshold drawn: no line for radii at a level of the load.
 
         Raises
         ------
         InputError
-            For a sweep over more than two parameters, or an unknown name.
+            For a sweep over more than two parameters, an unknown name, or a level over two that are no grid.
         """
         from contbranch.output.plot_sweep import sweep_figure
 
