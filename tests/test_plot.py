@@ -18,6 +18,7 @@ from contbranch.output import plot, plot_maps, plot_view
 from contbranch.output.plot_curve import pieces, smooth_line
 from contbranch.output.plot_view import Limits
 from contbranch.results.diagram import Branch, Diagram
+from contbranch.results.followed import Followed
 from contbranch.theory import maugis
 
 
@@ -166,6 +167,24 @@ def test_a_broken_end_does_not_spoil_the_plot(broken: Diagram) -> None:
     axes = broken.plot().axes[0]
     assert np.all(np.isfinite([*axes.get_xlim(), *axes.get_ylim()]))
     assert all(np.all(np.isfinite(line.get_xydata())) for line in axes.get_lines())
+
+
+def test_incomplete_curves_say_where_they_stopped(broken: Diagram, repulsion: Diagram) -> None:
+    """The last point of the one that is broken is not a number; of a followed event there may be one point, or none."""
+    axes = broken.plot("displacement", "load").axes[0]
+    (end,) = (line for line in axes.get_lines() if line.get_marker() == "x")
+    branch = broken.branches[0]
+    assert end.get_xydata().tolist() == [[branch.displacement[-2], branch.load[-2]]]
+    texts = [text.get_text() for text in axes.figure.legends[0].get_texts()]
+    assert texts[-1] == f"stopped at load {branch.load[-2]:.3g} nN"
+    curve = {name: np.array([2.0]) for name in ("tabor", "load", "displacement", "contact_radius", "central_gap")}
+    known = {name: getattr(repulsion, name) for name in ("contact", "model", "cost", "accuracy")}
+    one = Followed("tabor", curve, curve, (), repulsion.events[0], **known, status="incomplete", message="Stopped.")
+    axes = one.plot().axes[0]
+    assert [line.get_marker() for line in axes.get_lines()] == ["o", "x"]
+    assert axes.get_legend().get_texts()[-1].get_text() == "stopped at tabor 2"
+    none = replace(one, curve={name: values[:0] for name, values in curve.items()})
+    assert none.plot().texts[0].get_text() == "Stopped."
 
 
 def test_axis_labels_name_units(attraction: Diagram, repulsion: Diagram, broken: Diagram) -> None:

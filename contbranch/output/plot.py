@@ -22,6 +22,7 @@ from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_maps import cell_maps
 from contbranch.output.plot_view import (
     DASHES,
+    END,
     GREY,
     SERIES,
     Style,
@@ -35,6 +36,7 @@ from contbranch.output.plot_view import (
     said,
     stacked,
     styled,
+    unfinished,
     view,
 )
 from contbranch.output.smooth import smooth_path
@@ -184,6 +186,8 @@ def _draw_curve(axes: Axes, diagram: Diagram, lines: Sequence[Line], shown: tupl
                 style = {**style, "label": None}
     for event in _marked(diagram):
         _draw_marker(axes, diagram, event, x, y)
+    if diagram.status != "complete":
+        axes.plot(lines[0].columns[x][-1:], lines[0].columns[y][-1:], **END, zorder=4)
     limits = view(diagram, lines, x, y)
     if limits is not None:
         wide = [(min(a, b[0]), max(c, b[1])) for (a, c), b in zip(limits, known or limits, strict=True)]
@@ -287,4 +291,5 @@ def _legend(diagram: Diagram) -> list[Line2D]:
         label = words.get(event.kind, f"fold, {event.control} control")
         if label not in handles:
             handles[label] = handle(label, linestyle="none", markeredgewidth=0.7, **_marker(diagram, event))
-    return list(handles.values())
+    load = diagram.branches[0].load  # those after the first begin and end at it
+    return [*handles.values(), *unfinished(diagram, "load", load[np.isfinite(load)][-1])]

@@ -22,7 +22,7 @@ from contbranch.contact.contact import Contact
 from contbranch.errors import InputError, look_up
 from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
 from contbranch.results.diagram import Diagram
-from contbranch.results.record import UnitNames
+from contbranch.results.record import Result, UnitNames
 
 # What matplotlib takes.
 Style = dict[str, Any]
@@ -33,6 +33,8 @@ GREY = "#555555"
 # Colours that the colour-blind tell apart, for several curves.
 SERIES = (BLUE, ORANGE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = (0, (3.2, 1.6))
+# Where a curve ends that should go on.
+END: Any = {"marker": "x", "markersize": 5.0, "color": "black", "linestyle": "none"}
 STYLE: Any = {
     "font.size": 8.0,
     "axes.labelsize": 8.5,
@@ -198,6 +200,14 @@ def mark_rim(panels: Sequence[Axes], contact_radius: float, named: bool, inwards
 def handle(label: str, **style: Any) -> Line2D:
     """Return a line for a legend."""
     return Line2D([], [], label=label, **style)
+
+
+def unfinished(result: Result, name: str, value: float) -> list[Line2D]:
+    """A handle that says of an incomplete result where its curve ends, in words: it may be outside of what is shown."""
+    if result.status == "complete":
+        return []
+    place = f"{name} {value:.3g} {result.table().units.get(name, '')}".rstrip()
+    return [handle(f"stopped at {place}", **END)]
 
 
 def axis_label(name: str, unit_names: UnitNames, contact: Contact | None = None) -> str:
