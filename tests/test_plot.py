@@ -120,6 +120,22 @@ def test_labels_overlap_neither_each_other_nor_markers_nor_the_frame(
             assert not any(text.contains(*point) for point in points)
 
 
+def test_powers_of_ten_lie_beside_letters_and_below_the_legend(attraction: Diagram) -> None:
+    branch, scaled = attraction.branches[0], {"load": 1e6, "contact_radius": 1e-5}
+    rows = replace(branch, **{name: factor * getattr(branch, name) for name, factor in scaled.items()})
+    events = tuple(replace(e, **{name: f * getattr(e, name) for name, f in scaled.items()}) for e in attraction.events)
+    figure = plot.overview(replace(attraction, branches=(rows,), events=events))
+    figure.draw_without_rendering()
+    renderer = figure.canvas.get_renderer()
+    names = [text.get_window_extent(renderer) for text in figure.legends[0].get_texts()]
+    for axes in figure.axes:
+        power, letter = axes.yaxis.get_offset_text(), axes._left_title
+        assert power.get_text()
+        one, other = (text.get_window_extent(renderer).padded(2.0) for text in (power, letter))
+        assert not one.overlaps(other)
+        assert not any(box.overlaps(name) for box in (one, other) for name in names)
+
+
 def test_limits_frame_the_events_of_a_trace_that_starts_far_and_ends_far(attraction: Diagram) -> None:
     branch = attraction.branches[0]
     columns = dict(branch.columns)
