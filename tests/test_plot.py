@@ -226,8 +226,28 @@ def test_profiles_show_contact_and_interaction_zone(attraction: Diagram) -> None
     total, wall = pressure.get_lines()[:2]
     assert total.get_ydata()[0] == pytest.approx(wall.get_ydata()[0] - 0.04)  # σ = Δγ/z0 pulls
     assert state.contact_radius < gap.get_xlim()[1] <= state.profile.r[-1]
+    inner = replace(state.profile, **{name: getattr(state.profile, name)[3:] for name in state.profile.items()})
+    cut = plot.profiles(replace(state, profile=inner), attraction.unit_names).axes[0]
+    assert cut.get_xlim()[0] == 0.0 == cut.get_lines()[0].get_xdata()[0]  # the first node of a mesh is beside the axis
     with pytest.raises(InputError, match="no profile"):
         plot.profiles(replace(state, profile=None))
+
+
+def test_coexisting_states_are_drawn_together(attraction: Diagram) -> None:
+    """Of `find_all`, and of what `solve` has saved: told apart by their loads, where the displacement is given."""
+    branch, names = attraction.branches[0], attraction.unit_names
+    states = [branch.state(number) for number in (10, 60)]
+    axes = plot.coexisting(states, "displacement", names).axes
+    lines = [line for line in axes[0].get_lines() if len(line.get_xdata()) > 2]
+    for state, line in zip(states, lines, strict=True):
+        stable = state.stable("displacement")
+        assert line.get_linestyle() == ("-" if stable else "--")
+        assert line.get_label().startswith(f"{'stable' if stable else 'unstable'}, $F_N = {state.load:.4g}$ nN")
+    points = [replace(branch, **{name: values[k : k + 1] for name, values in branch.columns.items()}) for k in (10, 60)]
+    points = [replace(point, profiles=[state.profile]) for point, state in zip(points, states, strict=True)]
+    saved = plot.draw(replace(attraction, branches=tuple(points), events=()))
+    assert len(saved.legends[0].get_texts()) == 2
+    assert "no profile" in plot.coexisting([replace(states[0], profile=None)], "load", names).texts[0].get_text()
 
 
 FILES = [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml"), (".PNG", b"\x89PNG")]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -50,16 +51,18 @@ _CLOSE = 6.0  # pixels between points that are not told apart
 
 
 def draw(result: Any) -> Figure:
-    """Draw a result as the command line does: a diagram as its `overview`, a solution as its `profiles` or maps."""
+    """Draw a result as the command line does: a diagram as its `overview`, states as their `profiles` or maps."""
     if isinstance(result, Diagram):
-        return overview(result)
+        points = [branch.state(0) for branch in result.branches if len(branch) == 1]
+        alone = 0 < len(points) == len(result.branches)  # saved by solve
+        return coexisting(points, result.control, result.units) if alone else overview(result)
     if isinstance(result, Solution) and result.profile is None and result.in_cell is None:
         return said("no state was found")
     if isinstance(result, Solution):
         flat = result.in_cell is not None and not (result.contact is not None and result.contact.tip.is_axisymmetric)
         return cell_maps(result, result.units) if flat else profiles(result, result.units)
     if not hasattr(result, "plot"):
-        raise InputError(f"plot: {type(result).__name__} is a table, and has no figure; draw one of its states")
+        raise InputError(f"plot: {type(result).__name__} is a table, and has no figure: print it")
     figure: Figure = result.plot()
     return figure
 
@@ -134,30 +137,68 @@ def profiles(state: State, unit_names: UnitNames | None = None) -> Figure:
     InputError
         If the state has no profile.
     """
-    profile = state.profile
-    if profile is None:
+    if state.profile is None:
         raise InputError("state: it has no profile; take a state of a traced diagram or of solve")
-    names = unit_names or {}
-    reach = max(1.25 * loud_radius(profile.r, profile.pressure, FAINT), 1.5 * state.contact_radius)
-    shown = (profile.r <= reach) & np.isfinite(profile.gap)
-    r = profile.r[shown]
+    names, reach = unit_names or {}, _reach(state)
     with new_figure(3.8) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(*smooth_path(r, profile.gap[shown]), color=_STABLE)
-        below.plot(*smooth_path(r, profile.pressure[shown]), color=_STABLE, label="total")
+        r, gap, pressure, wall = _fields(state, reach)
+        above.plot(*smooth_path(r, gap), color=_STABLE)
+        below.plot(*smooth_path(r, pressure), color=_STABLE, label="total")
         if state.contact_radius > 0.0:
-            wall = smooth_path(r, profile.wall_pressure[shown])
-            below.plot(*wall, color=_UNSTABLE, linestyle="--", label="wall")
+            below.plot(*smooth_path(r, wall), color=_UNSTABLE, linestyle="--", label="wall")
             below.legend()
-        below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
         mark_rim((above, below), state.contact_radius, True, -1)
-        above.margins(x=0.0)
-        above.set_ylim(bottom=-0.04 * float(np.max(profile.gap[shown], initial=1e-300)))
-        above.set_ylabel(axis_label("gap", names))
-        below.set_ylabel(axis_label("pressure", names))
-        below.set_xlabel(axis_label("r", names))
-        figure.align_ylabels()
+        _frame(above, below, names)
     return figure
+
+
+def coexisting(states: Sequence[State], control: str, unit_names: UnitNames) -> Figure:
+    """Draw gap and pressure of states at one value of a control against the radius: dashed where they are not stable.
+
+    They are told apart by what is not controlled: the load under displacement control, otherwise the displacement.
+    """
+    shown = [state for state in states if state.profile is not None]
+    if not shown:
+        return said("no state was found" if not states else "these states have no profile: draw one of them")
+    reach = max(map(_reach, shown))
+    name, symbol = ("load", "F_N") if control == "displacement" else ("displacement", "d")
+    with new_figure(3.8 + 0.07 * len(shown)) as figure:
+        above, below = figure.subplots(2, 1, sharex=True)
+        for state, colour in zip(shown, cycle(SERIES)):
+            (r, gap, pressure, _), stable = _fields(state, reach), state.stable(control)
+            look: Style = {"color": colour, "linestyle": "-" if stable else DASHES}
+            value = f"${symbol} = {getattr(state, name):.4g}$ {unit_names.get(name, '')}".rstrip()
+            above.plot(*smooth_path(r, gap), **look, label=f"{'stable' if stable else 'unstable'}, {value}")
+            below.plot(*smooth_path(r, pressure), **look)
+        _frame(above, below, unit_names)
+        figure.legend(loc="outside upper center", ncols=2, columnspacing=1.2)
+    return figure
+
+
+def _reach(state: State) -> float:
+    """The radius out to which there is something to see of a state that has a profile."""
+    profile: Any = state.profile
+    return max(1.25 * loud_radius(profile.r, profile.pressure, FAINT), 1.5 * state.contact_radius)
+
+
+def _fields(state: State, reach: float) -> list[Array]:
+    """Radius, gap, pressure and wall pressure as far as is shown; at the centre they are as at the first node."""
+    profile: Any = state.profile
+    shown = (profile.r <= reach) & np.isfinite(profile.gap)
+    fields = [values[shown] for values in (profile.gap, profile.pressure, profile.wall_pressure)]
+    return [np.append(0.0, profile.r[shown]), *(np.append(values[:1], values) for values in fields)]
+
+
+def _frame(above: Axes, below: Axes, names: UnitNames) -> None:
+    """Label and limit panels that show gap and pressure over the radius."""
+    below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
+    above.margins(x=0.0)
+    above.set_ylim(bottom=-0.04 * max(above.dataLim.ymax, 1e-300))
+    above.set_ylabel(axis_label("gap", names))
+    below.set_ylabel(axis_label("pressure", names))
+    below.set_xlabel(axis_label("r", names))
+    figure_of(above).align_ylabels()
 
 
 def figure_content(figure: Figure, suffix: str, **options: Any) -> bytes:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_records
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @record
@@ -83,6 +87,12 @@ class Equilibria(Result):
         """The states, and whether each lies on the traced curve."""
         listed = of_records(State, self.states, self.units)
         return {"state": listed._replace(columns={**listed.columns, "connected": np.array(self.connected)})}
+
+    def plot(self) -> Figure:
+        """Draw gap and pressure of all states against the radius, dashed where they are not stable."""
+        from contbranch.output.plot import coexisting
+
+        return coexisting(self.states, self.control, self.units)
 
     @property
     def stable(self) -> tuple[State, ...]:
