@@ -247,7 +247,7 @@ def test_coexisting_states_are_drawn_together(attraction: Diagram) -> None:
     points = [replace(point, profiles=[state.profile]) for point, state in zip(points, states, strict=True)]
     saved = plot.draw(replace(attraction, branches=tuple(points), events=()))
     assert len(saved.legends[0].get_texts()) == 2
-    assert "no profile" in plot.coexisting([replace(states[0], profile=None)], "load", names).texts[0].get_text()
+    assert "with a profile" in plot.coexisting([replace(states[0], profile=None)], "load", names).texts[0].get_text()
 
 
 FILES = [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml"), (".PNG", b"\x89PNG")]

@@ -139,18 +139,7 @@ def profiles(state: State, unit_names: UnitNames | None = None) -> Figure:
     """
     if state.profile is None:
         raise InputError("state: it has no profile; take a state of a traced diagram or of solve")
-    names, reach = unit_names or {}, _reach(state)
-    with new_figure(3.8) as figure:
-        above, below = figure.subplots(2, 1, sharex=True)
-        r, gap, pressure, wall = _fields(state, reach)
-        above.plot(*smooth_path(r, gap), color=_STABLE)
-        below.plot(*smooth_path(r, pressure), color=_STABLE, label="total")
-        if state.contact_radius > 0.0:
-            below.plot(*smooth_path(r, wall), color=_UNSTABLE, linestyle="--", label="wall")
-            below.legend()
-        mark_rim((above, below), state.contact_radius, True, -1)
-        _frame(above, below, names)
-    return figure
+    return _profiles([state], [{"color": _STABLE, "label": "total"}], unit_names or {})
 
 
 def coexisting(states: Sequence[State], control: str, unit_names: UnitNames) -> Figure:
@@ -160,45 +149,46 @@ def coexisting(states: Sequence[State], control: str, unit_names: UnitNames) -> 
     """
     shown = [state for state in states if state.profile is not None]
     if not shown:
-        return said("no state was found" if not states else "these states have no profile: draw one of them")
-    reach = max(map(_reach, shown))
+        return said("there is no state with a profile")
     name, symbol = ("load", "F_N") if control == "displacement" else ("displacement", "d")
-    with new_figure(3.8 + 0.07 * len(shown)) as figure:
+    looks: list[Style] = []
+    for state, colour in zip(shown, cycle(SERIES)):
+        kind, style = ("stable", "-") if state.stable(control) else ("unstable", DASHES)
+        value = f"{kind}, ${symbol} = {getattr(state, name):.4g}$ {unit_names.get(name, '')}"
+        looks.append({"color": colour, "linestyle": style, "label": value})
+    return _profiles(shown, looks, unit_names)
+
+
+def _profiles(states: Sequence[State], looks: Sequence[Style], names: UnitNames) -> Figure:
+    """Draw gap and pressure of states that have a profile, of a single one also the wall's share and the rim."""
+    fields: list[Any] = [state.profile for state in states]
+    radii = [1.5 * state.contact_radius for state in states]
+    reach = max(*radii, *(1.25 * loud_radius(one.r, one.pressure, FAINT) for one in fields))
+    with new_figure(3.8) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
-        for state, colour in zip(shown, cycle(SERIES)):
-            (r, gap, pressure, _), stable = _fields(state, reach), state.stable(control)
-            look: Style = {"color": colour, "linestyle": "-" if stable else DASHES}
-            value = f"${symbol} = {getattr(state, name):.4g}$ {unit_names.get(name, '')}".rstrip()
-            above.plot(*smooth_path(r, gap), **look, label=f"{'stable' if stable else 'unstable'}, {value}")
-            below.plot(*smooth_path(r, pressure), **look)
-        _frame(above, below, unit_names)
-        figure.legend(loc="outside upper center", ncols=2, columnspacing=1.2)
+
+        def draw(axes: Axes, one: Any, name: str, look: Style) -> None:
+            shown = (one.r <= reach) & np.isfinite(one.gap)
+            values = getattr(one, name)[shown]  # at the axis they are as at the first node
+            axes.plot(*smooth_path(np.append(0.0, one.r[shown]), np.append(values[:1], values)), **look)
+
+        for one, look in zip(fields, looks, strict=True):
+            draw(above, one, "gap", look)
+            draw(below, one, "pressure", look)
+        if len(states) > 1:
+            figure.legend(handles=above.get_lines(), loc="outside upper center", ncols=2)
+        elif radii[0] > 0.0:
+            draw(below, fields[0], "wall_pressure", {"color": _UNSTABLE, "linestyle": "--", "label": "wall"})
+            below.legend()
+            mark_rim((above, below), states[0].contact_radius, True, -1)
+        below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
+        above.margins(x=0.0)
+        above.set_ylim(bottom=-0.04 * max(above.dataLim.ymax, 1e-300))
+        above.set_ylabel(axis_label("gap", names))
+        below.set_ylabel(axis_label("pressure", names))
+        below.set_xlabel(axis_label("r", names))
+        figure.align_ylabels()
     return figure
-
-
-def _reach(state: State) -> float:
-    """The radius out to which there is something to see of a state that has a profile."""
-    profile: Any = state.profile
-    return max(1.25 * loud_radius(profile.r, profile.pressure, FAINT), 1.5 * state.contact_radius)
-
-
-def _fields(state: State, reach: float) -> list[Array]:
-    """Radius, gap, pressure and wall pressure as far as is shown; at the centre they are as at the first node."""
-    profile: Any = state.profile
-    shown = (profile.r <= reach) & np.isfinite(profile.gap)
-    fields = [values[shown] for values in (profile.gap, profile.pressure, profile.wall_pressure)]
-    return [np.append(0.0, profile.r[shown]), *(np.append(values[:1], values) for values in fields)]
-
-
-def _frame(above: Axes, below: Axes, names: UnitNames) -> None:
-    """Label and limit panels that show gap and pressure over the radius."""
-    below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
-    above.margins(x=0.0)
-    above.set_ylim(bottom=-0.04 * max(above.dataLim.ymax, 1e-300))
-    above.set_ylabel(axis_label("gap", names))
-    below.set_ylabel(axis_label("pressure", names))
-    below.set_xlabel(axis_label("r", names))
-    figure_of(above).align_ylabels()
 
 
 def figure_content(figure: Figure, suffix: str, **options: Any) -> bytes:
