@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contbranch.errors import number_of
 from contbranch.results.advice import Advice
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
@@ -68,14 +69,14 @@ def parts(result: Result) -> Parts:
         yield from _SHOWN[type(result)](result, units)
     if hasattr(result, "model"):
         model = told.model
-        yield f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip()
+        yield f"Model: {model.kind}, {number_of(model.unknowns, 'unknown')}. {model.why}".rstrip()
     if not isinstance(result, Sweep) and told.contact is not None and told.contact.tabor is not None:
         from contbranch.advice import regime
 
         yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)
     points = ""
     if isinstance(result, Diagram | Hysteresis | Followed):
-        points = f"{len(next(iter(result.table().columns.values()), ()))} points in "
+        points = f"{number_of(len(next(iter(result.table().columns.values()), ())), 'point')} in "
     accuracy = f", accuracy {told.accuracy:g}" if hasattr(result, "accuracy") else ""
     yield f"{points}{told.cost.wall_s:.2f} s{accuracy}: {told.status}"
     if told.message:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from contbranch.errors import number_of
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_records
@@ -81,7 +82,7 @@ class Equilibria(Result):
 
     def told(self) -> str:
         """How many states there are."""
-        return f"{len(self)} states, {len(self.stable)} stable under {self.control} control"
+        return f"{number_of(len(self), 'state')}, {len(self.stable)} stable under {self.control} control"
 
     def tables(self) -> Tables:
         """The states, and whether each lies on the traced curve."""

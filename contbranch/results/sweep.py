@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from contbranch.errors import InputError
+from contbranch.errors import InputError, number_of
 from contbranch.results.diagram import Cost, Diagram
 from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_columns
@@ -119,7 +119,8 @@ class Sweep(Result):
         for task in self.tasks:
             counts[task.status] += 1
         listed = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
-        return f"{len(self.tasks)} tasks over {' × '.join(self.parameters) or 'contacts'}: {listed or 'none ended'}"
+        what = f"{number_of(len(self.tasks), 'task')} over {' × '.join(self.parameters) or 'contacts'}"
+        return f"{what}: {listed or 'none ended'}"
 
     def tables(self) -> Tables:
         """A row a task: its parameters, thresholds and status."""
