@@ -78,7 +78,7 @@ def parts(result: Result) -> Parts:
     if isinstance(result, Diagram | Hysteresis | Followed):
         points = f"{number_of(len(next(iter(result.table().columns.values()), ())), 'point')} in "
     accuracy = f", accuracy {told.accuracy:g}" if hasattr(result, "accuracy") else ""
-    yield f"{points}{told.cost.wall_s:.2f} s{accuracy}: {told.status}"
+    yield f"{points}{told.cost.wall_s:.2f} s{accuracy}: {result.outcome}"
     if told.message:
         yield str(told.message)
 

@@ -66,7 +66,7 @@ class Sweep(Result):
     contact : Contact or None
         The one that was varied, or the first.
     status, message : str
-        ``complete`` if every task has ended, though some may have failed: see `failed`.
+        ``complete`` if every task has ended, though some may be incomplete or have failed: see `told` and `failed`.
     """
 
     format = "contbranch-sweep"
@@ -112,6 +112,12 @@ class Sweep(Result):
         if self.tasks[index].status == "failed":
             raise InputError(f"index: {index}; this task failed: {self.tasks[index].message}")
         return read_diagram(self, index)
+
+    @property
+    def outcome(self) -> str:
+        """Whether there is anything left to do: that every task has ended does not say that all are complete."""
+        whole = all(task.status == "complete" for task in self.tasks)
+        return self.status if whole or self.status == "incomplete" else "all tasks have ended"
 
     def told(self) -> str:
         """How many tasks there are, and of what becomes."""

@@ -82,6 +82,15 @@ def test_side_by_side_points() -> None:
     assert panel.collections[1].get_array().filled(np.nan) == pytest.approx([-1.0, np.nan, -6.0], nan_ok=True)
 
 
+def test_a_sweep_says_what_became_of_its_tasks() -> None:
+    one = swept({"tabor": (1.0,)})
+    assert repr(one) == "Sweep: complete\n1 task over tabor: 1 complete"
+    cut = replace(one, tasks=(replace(one.tasks[0], status="incomplete", message="The time limit was reached."),))
+    assert repr(cut) == "Sweep: all tasks have ended\n1 task over tabor: 1 incomplete"
+    assert str(cut).endswith("s: all tasks have ended")
+    assert (cut.status, replace(cut, status="incomplete").outcome) == ("complete", "incomplete")
+
+
 def test_what_cannot_be_drawn_is_said() -> None:
     with pytest.raises(
         cb.InputError, match="thresholds: squeeze; there are pull_off_load, pull_off_radius, touch_load"
