@@ -81,8 +81,12 @@ def test_the_command_line_speaks_of_it(capsys):
     document = json.loads(capsys.readouterr().out)
     assert document["format"] == "contbranch-advice"
     assert document["chosen"] in [one["model"] for one in document["candidates"]]
+    (own,) = (one["errors"] for one in document["candidates"] if one["model"] == "axisymmetric")
+    assert own["pull_off_load"] < 1e-4  # as estimated, not as asked
     assert main(["advise", "--interaction", "exponential", "--tabor", "3"]) == 0
-    assert "Take " in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "Take axisymmetric. The cheapest with errors up to 0.01" in told
+    assert "Model" not in told  # that of the trace, which may be another than the one to take
     assert main(["advise", "--interaction", "exponential", "--tabor", "3", "--accuracy", "0.9"]) == 2
 
 

@@ -67,10 +67,10 @@ def parts(result: Result) -> Parts:
     units = {name: _FOR_PEOPLE.get(unit, unit) for name, unit in result.units.items()}
     if type(result) in _SHOWN:
         yield from _SHOWN[type(result)](result, units)
-    if hasattr(result, "model"):
+    if hasattr(result, "model") and not isinstance(result, Advice):  # what it takes is said, and may be another
         model = told.model
         yield f"Model: {model.kind}, {number_of(model.unknowns, 'unknown')}. {model.why}".rstrip()
-    if not isinstance(result, Sweep) and told.contact is not None and told.contact.tabor is not None:
+    if not isinstance(result, Sweep | Advice) and told.contact is not None and told.contact.tabor is not None:
         from contbranch.advice import regime
 
         yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)
@@ -156,6 +156,9 @@ def _advice(advice: Advice, units: UnitNames) -> Parts:
         told = ["none" if error is None else f"{error:.1e}" for error in errors]
         rows.append([one.model, *told, f"{one.seconds:.2g}"])
     yield Cells(["candidate", *(f"error of {name}" for name in names), "seconds"], rows)
+    if names:
+        yield f"Errors, relative to max(1, |value|) in reduced units: of {advice.model.kind} as its trace estimates"
+        yield "them, of theories against that trace, of grids as measured for the spacing of their nodes."
     yield f"Take {advice.chosen}. {advice.why}"
 
 
