@@ -17,8 +17,9 @@ from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
 from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.fit_map import FitMap
-from contbranch.results.followed import Followed
+from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis
+from contbranch.results.phase import PhaseDiagram
 from contbranch.results.record import OBSERVABLES, Result, UnitNames
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
@@ -139,13 +140,37 @@ def _followed(followed: Followed, units: UnitNames) -> Parts:
         rows.append([str(i), f"{curve[name][i]:.9g}", *cells])
     yield Cells(["", varied, *_headings(units)], rows)
     yield _BRACKETS
-    if followed.special:
+    yield from _special(followed.special, varied, units)
+
+
+def _special(points: Sequence[Special], varied: str, units: UnitNames) -> Parts:
+    if points:
         rows = []
-        for one in followed.special:
+        for one in points:
             title = f"{one.kind} ({one.control})" if one.control else one.kind
-            rows.append([title, with_error(one.value, one.error[name] or None), *_cells(one)])
+            rows.append([title, with_error(one.value, one.error[one.parameter] or None), *_cells(one)])
         yield Cells(["special point", varied, *_headings(units)], rows)
-        yield from dict.fromkeys(one.message for one in followed.special if one.message)
+        yield from dict.fromkeys(one.message for one in points if one.message)
+
+
+def _phase(phase: PhaseDiagram, units: UnitNames) -> Parts:
+    name, ends = phase.parameter, "{:.6g} to {:.6g}"
+    varied = with_unit(name, phase.table().units.get(name, ""))
+    rows = [
+        [_title(one.event), *(ends.format(*one.curve[key][[0, -1]]) for key in (name, phase.control))]
+        for one in phase.boundaries
+        if one.curve[name].size
+    ]
+    yield Cells(["boundary", varied, *_headings(units, [phase.control])], rows)
+    yield from _special(phase.special, varied, units)
+
+
+def _equilibria(found: Equilibria, units: UnitNames) -> Parts:
+    yield _states(found.states, units)
+    if found.barriers:
+        rows = [[f"{one.stable}", f"{one.saddle}", *map("{:.6g}".format, one.heights)] for one in found.barriers]
+        heights = (with_unit(f"height from the {one}", units.get("energy", "")) for one in ("first", "second"))
+        yield Cells(["barrier between states (from 0)", "over", *heights], rows)
 
 
 def _advice(advice: Advice, units: UnitNames) -> Parts:
@@ -198,9 +223,10 @@ _SHOWN: Mapping[type, Callable[[Any, UnitNames], Parts]] = {
     Diagram: _diagram,
     Fit: _fit,
     Solution: lambda solution, units: iter([_states(solution.known, units)]),
-    Equilibria: lambda found, units: iter([_states(found.states, units)]),
+    Equilibria: _equilibria,
     Hysteresis: _loop,
     Followed: _followed,
+    PhaseDiagram: _phase,
     FitMap: _sweep,
     Sweep: _sweep,
 }

@@ -341,7 +341,7 @@ def _brief(value: Any) -> str:
         return f"{value:.9g}"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key}: {_brief(one)}" for key, one in value.items()) + "}"
-    if isinstance(value, tuple) and len(value) > 1:
+    if isinstance(value, tuple) and len(value) > 1 and isinstance(value[0], Record):
         return f"{len(value)} × {type(value[0]).__name__}"
     return "…" if callable(value) else repr(value)
 
