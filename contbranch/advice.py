@@ -227,16 +227,16 @@ def _theories(contact: Contact, wanted: Judged, control: Control) -> Iterator[Ca
 
 
 def _own(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram) -> Candidate:
-    """The model that traced the contact, with the accuracy asked."""
+    """The model that traced the contact, with the errors that its trace estimates, or those asked for if less."""
+    errors: dict[str, float | None] = {name: error / max(1.0, abs(value)) for name, (value, error) in wanted.items()}
     if truth.model.kind == Exact.name:
-        errors = {name: error / max(1.0, abs(value)) for name, (value, error) in wanted.items()}
-        return Candidate("exact", dict(errors), truth.cost.wall_s, "The law itself, in closed form.")
+        return Candidate("exact", errors, truth.cost.wall_s, "The law itself, in closed form.")
     rings = Axisymmetric().obstacle(contact) is not None
     digits = max(0.0, math.log10(truth.accuracy / max(accuracy, REACHES)))
-    why = "The law itself; accuracies down to 1e-11 are for the asking."
-    errors = dict.fromkeys(wanted, max(accuracy, REACHES))
+    why = f"The law itself, as traced to {truth.accuracy:g}; accuracies down to {REACHES:g} are for the asking."
+    errors = {name: min(error or 0.0, max(accuracy, REACHES)) for name, error in errors.items()}
     seconds = truth.cost.wall_s * DIGIT**digits
-    return Candidate("rings" if rings else "axisymmetric", dict(errors), seconds, why)
+    return Candidate("rings" if rings else "axisymmetric", errors, seconds, why)
 
 
 def _grids(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram | None) -> Iterator[Candidate]:
@@ -268,6 +268,7 @@ def _choice(candidates: list[Candidate], accuracy: float, truth: Diagram | None)
     enough = [one for one in candidates if one.worst is not None and one.worst <= accuracy]
     if enough:
         best = enough[0]
-        return best.model, f"The cheapest with errors up to {accuracy:g} (largest {best.worst or 0.0:.2g})."
+        largest = f"largest {best.worst:.2g}" if best.errors else "none is judged"
+        return best.model, f"The cheapest with errors up to {accuracy:g} ({largest})."
     best = min((one for one in candidates if one.worst is not None), key=lambda one: one.worst or 0.0)
     return best.model, f"None has errors below {accuracy:g}; this one has the smallest (largest {best.worst:.2g})."

@@ -24,7 +24,7 @@ from contbranch.curve.loop import loop
 from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
-from contbranch.errors import InputError, ModelError
+from contbranch.errors import InputError, ModelError, number_of
 from contbranch.models.choice import choose, curves
 from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
@@ -164,7 +164,8 @@ def solve(
 def _solution(asked: _Asked, found: Coexisting, states: tuple[State, ...], field: str, near: State | None) -> Solution:
     """The best of the states found, or the one closest to another."""
     count, stable = len(states), sum(state.stable(asked.control) for state in states)
-    message = found.message or f"{_equilibria(count)} on the curve, {stable} stable under {asked.control.kind} control."
+    known = number_of(count, "equilibrium", "equilibria")
+    message = found.message or f"{known} on the curve, {stable} stable under {asked.control.kind} control."
     if states and not stable:
         message += " None is stable" + ("; the lowest one is returned." if near is None else ".")
     best = UNKNOWN if not states else _lowest(states, asked.control, field)
@@ -229,7 +230,8 @@ def _found(asked: _Asked, found: Coexisting, field: str) -> Equilibria:
     normal = asked.contact.scales.normal
     states = tuple(state_in_units(asked.contact, state) for state in found.states)
     stable = sum(state.stable(asked.control) for state in states)
-    words = f"{_equilibria(len(states))} in the window, {stable} stable under {asked.control.kind} control"
+    known = number_of(len(states), "equilibrium", "equilibria")
+    words = f"{known} in the window, {stable} stable under {asked.control.kind} control"
     return Equilibria(
         states=states,
         connected=found.connected,
@@ -514,10 +516,6 @@ def _pair(pair: Any, field: str, read: Callable[[object], float]) -> tuple[float
 
 
 # -- what is answered -------------------------------------------------------------------------------------------------
-def _equilibria(count: int) -> str:
-    return f"{count} equilibri{'um' if count == 1 else 'a'}"
-
-
 def _reachable(found: Coexisting, field: str, unit: float, accuracy: float) -> str:
     if field == "contact_radius":
         return f"contact radii greater than {found.lowest * unit:.6g} are reachable"

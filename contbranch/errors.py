@@ -1,4 +1,4 @@
-"""The errors that contbranch raises on purpose, and what is said of names that are not known."""
+"""The errors that contbranch raises on purpose, what is said of names that are not known, and of numbers of things."""
 
 from __future__ import annotations
 
@@ -18,6 +18,11 @@ class Stop(Exception):
 
 class ModelError(RuntimeError):
     """A computation could not deliver what was asked for; the message says what was reached and why it stopped."""
+
+
+def number_of(count: int, one: str, many: str = "") -> str:
+    """Return how many there are, in words: 1 state, 2 states."""
+    return f"{count} {one if count == 1 else many or f'{one}s'}"
 
 
 def nearest(name: object, known: Iterable[str]) -> str:

@@ -56,11 +56,15 @@ def test_the_choice_is_enough_and_nothing_cheaper_is(law, tabor, sign, accuracy,
                 assert error == pytest.approx(abs(there[name] - truth[name]) / max(1.0, abs(truth[name])), rel=0.02)
 
 
-def test_a_theory_with_a_fold_that_the_contact_has_not_is_out():
+def test_a_theory_with_a_fold_that_the_contact_has_not_is_out(tmp_path):
     """At small Tabor coefficients nothing jumps under displacement control; in JKR's theory it always does."""
     advice = cb.advise(cb.Contact.reduced("exponential", tabor=0.2), 0.1, "displacement")
     assert by_name(advice)["jkr"].worst is None
     assert "no fold" in advice.message
+    advice.save(tmp_path / "advice.h5")
+    read = cb.load(tmp_path / "advice.h5")
+    assert (read, read.document()) == (advice, advice.document())
+    assert by_name(read)["jkr"].errors == dict.fromkeys(("pull_off_displacement", "jump_in_displacement"))
 
 
 def test_contacts_without_symmetry_need_a_grid():
@@ -77,8 +81,12 @@ def test_the_command_line_speaks_of_it(capsys):
     document = json.loads(capsys.readouterr().out)
     assert document["format"] == "contbranch-advice"
     assert document["chosen"] in [one["model"] for one in document["candidates"]]
+    (own,) = (one["errors"] for one in document["candidates"] if one["model"] == "axisymmetric")
+    assert own["pull_off_load"] < 1e-4  # as estimated, not as asked
     assert main(["advise", "--interaction", "exponential", "--tabor", "3"]) == 0
-    assert "Take " in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "Take axisymmetric. The cheapest with errors up to 0.01" in told
+    assert "Model" not in told  # that of the trace, which may be another than the one to take
     assert main(["advise", "--interaction", "exponential", "--tabor", "3", "--accuracy", "0.9"]) == 2
 
 

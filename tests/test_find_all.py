@@ -29,6 +29,8 @@ def test_the_barrier_is_the_area_up_to_the_saddle():
     """dV/dd = F: the potential V − F₀ d rises from film to saddle by ∫ (F − F₀) dd along the curve."""
     contact = cb.Contact.reduced("gauss", 4.0, -1)
     found = cb.find_all(contact, load=60.0, accuracy=1e-8)
+    (told,) = (line for line in str(found).splitlines() if line.startswith("(0, 2)"))
+    assert told.split()[2:] == ["1", *(f"{height:.6g}" for height in found.barriers[0].heights)]
     (barrier,) = found.barriers
     assert (barrier.stable, barrier.saddle) == ((0, 2), 1)
     walk = FollowedCurves(contact, cb.Axisymmetric()).path(Request(1e-9)).walk

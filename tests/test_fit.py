@@ -301,8 +301,9 @@ def test_the_command_writes_json_csv_and_a_figure(tmp_path, curve, capsys):
     assert np.array(document["correlations"]["matrix"]).shape == (5, 5)
     assert {"piezo", "force"} <= document["jumps"][1]["measured"].keys()
     assert figure.stat().st_size > 10_000
-    line = ["-o", str(tmp_path / "map.h5"), "--plot", str(tmp_path / "map.png")]  # a map of one place
-    assert main(["fit", str(data), str(file), "--spring", "5 N/m", *line]) == 0
+    kept = tmp_path / "fit.h5"
+    assert main(["fit", str(data), str(file), "--spring", "5 N/m", "-o", str(kept)]) == 0
+    assert cb.load(kept).values == document["values"]  # one curve is no map
     again = cb.read_force_curve(table, spring=5.0)
     assert np.allclose(again.force, curve.force)
     assert main(["fit", str(data)]) == 2

@@ -346,6 +346,12 @@ def test_a_phase_diagram_finds_folds_that_the_present_contact_does_not_have(tmp_
     phase = cb.phase_diagram(mixed(0.5), "share", (0.5, 0.95), "load", samples=4, accuracy=1e-5)
     assert phase.status == "complete"
     assert {one.kind for one in phase.special} == {"cusp-at-touch", "fold-through-touch"}
+    assert repr(phase).endswith(
+        f"load over share: {len(phase.boundaries)} boundary lines, {len(phase.special)} special points"
+    )
+    told = str(phase).splitlines()
+    assert told[0].split() == ["boundary", "share", "load"]
+    assert sum(line.startswith(("cusp-at-touch", "fold-through-touch")) for line in told) == len(phase.special)
     both = (phase.counts["without_contact"] > 0) & (phase.counts["with_contact"] > 0)
     end = next(one.value for one in phase.special if one.kind == "cusp-at-touch")
     clear = abs(phase.values - end) > 0.01  # the wedge is narrow there

@@ -18,6 +18,7 @@ from contbranch.output import plot, plot_maps, plot_view
 from contbranch.output.plot_curve import pieces, smooth_line
 from contbranch.output.plot_view import Limits
 from contbranch.results.diagram import Branch, Diagram
+from contbranch.results.followed import Followed
 from contbranch.theory import maugis
 
 
@@ -119,6 +120,22 @@ def test_labels_overlap_neither_each_other_nor_markers_nor_the_frame(
             assert not any(text.contains(*point) for point in points)
 
 
+def test_powers_of_ten_lie_beside_letters_and_below_the_legend(attraction: Diagram) -> None:
+    branch, scaled = attraction.branches[0], {"load": 1e6, "contact_radius": 1e-5}
+    rows = replace(branch, **{name: factor * getattr(branch, name) for name, factor in scaled.items()})
+    events = tuple(replace(e, **{name: f * getattr(e, name) for name, f in scaled.items()}) for e in attraction.events)
+    figure = plot.overview(replace(attraction, branches=(rows,), events=events))
+    figure.draw_without_rendering()
+    renderer = figure.canvas.get_renderer()
+    names = [text.get_window_extent(renderer) for text in figure.legends[0].get_texts()]
+    for axes in figure.axes:
+        power, letter = axes.yaxis.get_offset_text(), axes._left_title
+        assert power.get_text()
+        one, other = (text.get_window_extent(renderer).padded(2.0) for text in (power, letter))
+        assert not one.overlaps(other)
+        assert not any(box.overlaps(name) for box in (one, other) for name in names)
+
+
 def test_limits_frame_the_events_of_a_trace_that_starts_far_and_ends_far(attraction: Diagram) -> None:
     branch = attraction.branches[0]
     columns = dict(branch.columns)
@@ -168,6 +185,24 @@ def test_a_broken_end_does_not_spoil_the_plot(broken: Diagram) -> None:
     assert all(np.all(np.isfinite(line.get_xydata())) for line in axes.get_lines())
 
 
+def test_incomplete_curves_say_where_they_stopped(broken: Diagram, repulsion: Diagram) -> None:
+    """The last point of the one that is broken is not a number; of a followed event there may be one point, or none."""
+    axes = broken.plot("displacement", "load").axes[0]
+    (end,) = (line for line in axes.get_lines() if line.get_marker() == "x")
+    branch = broken.branches[0]
+    assert end.get_xydata().tolist() == [[branch.displacement[-2], branch.load[-2]]]
+    texts = [text.get_text() for text in axes.figure.legends[0].get_texts()]
+    assert texts[-1] == f"stopped at load {branch.load[-2]:.3g} nN"
+    curve = {name: np.array([2.0]) for name in ("tabor", "load", "displacement", "contact_radius", "central_gap")}
+    known = {name: getattr(repulsion, name) for name in ("contact", "model", "cost", "accuracy")}
+    one = Followed("tabor", curve, curve, (), repulsion.events[0], **known, status="incomplete", message="Stopped.")
+    axes = one.plot().axes[0]
+    assert [line.get_marker() for line in axes.get_lines()] == ["o", "x"]
+    assert axes.get_legend().get_texts()[-1].get_text() == "stopped at tabor 2"
+    none = replace(one, curve={name: values[:0] for name, values in curve.items()})
+    assert none.plot().texts[0].get_text() == "Stopped."
+
+
 def test_axis_labels_name_units(attraction: Diagram, repulsion: Diagram, broken: Diagram) -> None:
     axes = attraction.plot().axes[0]
     assert axes.get_xlabel() == "Load $F_N$ (nN)"
@@ -191,8 +226,28 @@ def test_profiles_show_contact_and_interaction_zone(attraction: Diagram) -> None
     total, wall = pressure.get_lines()[:2]
     assert total.get_ydata()[0] == pytest.approx(wall.get_ydata()[0] - 0.04)  # σ = Δγ/z0 pulls
     assert state.contact_radius < gap.get_xlim()[1] <= state.profile.r[-1]
+    inner = replace(state.profile, **{name: getattr(state.profile, name)[3:] for name in state.profile.items()})
+    cut = plot.profiles(replace(state, profile=inner), attraction.unit_names).axes[0]
+    assert cut.get_xlim()[0] == 0.0 == cut.get_lines()[0].get_xdata()[0]  # the first node of a mesh is beside the axis
     with pytest.raises(InputError, match="no profile"):
         plot.profiles(replace(state, profile=None))
+
+
+def test_coexisting_states_are_drawn_together(attraction: Diagram) -> None:
+    """Of `find_all`, and of what `solve` has saved: told apart by their loads, where the displacement is given."""
+    branch, names = attraction.branches[0], attraction.unit_names
+    states = [branch.state(number) for number in (10, 60)]
+    axes = plot.coexisting(states, "displacement", names).axes
+    lines = [line for line in axes[0].get_lines() if len(line.get_xdata()) > 2]
+    for state, line in zip(states, lines, strict=True):
+        stable = state.stable("displacement")
+        assert line.get_linestyle() == ("-" if stable else "--")
+        assert line.get_label().startswith(f"{'stable' if stable else 'unstable'}, $F_N = {state.load:.4g}$ nN")
+    points = [replace(branch, **{name: values[k : k + 1] for name, values in branch.columns.items()}) for k in (10, 60)]
+    points = [replace(point, profiles=[state.profile]) for point, state in zip(points, states, strict=True)]
+    saved = plot.draw(replace(attraction, branches=tuple(points), events=()))
+    assert len(saved.legends[0].get_texts()) == 2
+    assert "with a profile" in plot.coexisting([replace(states[0], profile=None)], "load", names).texts[0].get_text()
 
 
 FILES = [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml"), (".PNG", b"\x89PNG")]

@@ -96,7 +96,7 @@ class _Parser(OptionParser):
 
 
 class Command(NamedTuple):
-    """A command: what computes its result, its options, its argument with what that is, and what it writes itself."""
+    """A command: what computes its result, its options, its argument with what that is, and what sweeps write."""
 
     compute: Callable[[Values], Any]
     options: tuple[str, ...]
@@ -230,15 +230,18 @@ def _sweeping(asked: Values) -> Iterator[dict[str, Any]]:
 def _fit(asked: Values) -> Any:
     """Fit a contact to a measured force curve, and say what the curve can tell."""
     from contbranch.contact.file import read_contact
-    from contbranch.measure.reading import read_force_curves
+    from contbranch.measure.reading import Unread, curves_in
 
     contact, _ = read_contact(asked.contact)
     how: dict[str, Any] = {"free": asked.free or "work_of_adhesion,modulus"}
     how |= {"fixed": asked.fixed or "", "law": asked.law}
     folder = Path(asked.source).is_dir()
-    if asked.output is None and not folder and len(curves := read_force_curves(asked.source, asked.spring)) == 1:
+    curves: list[Any] = [] if folder else list(curves_in(asked.source, asked.spring))
+    if len(curves) == 1:
         from contbranch.measure.fit import fit
 
+        if isinstance(curves[0], Unread):
+            raise curves[0].error
         if asked.shape is not None:
             raise InputError(f"--shape: {asked.shape!r}; '{asked.source}' holds one curve, no map: leave it out")
         return fit(curves[0], contact, **how)
@@ -250,7 +253,7 @@ def _fit(asked: Values) -> Any:
     with _sweeping(asked) as running:
         if asked.shape is not None:
             running["shape"] = asked.shape
-        return fit_map(asked.source, contact, asked.output, spring=asked.spring, **how, **running)
+        return fit_map(curves or asked.source, contact, asked.output, spring=asked.spring, **how, **running)
 
 
 def _show(asked: Values) -> Result:
@@ -369,8 +372,8 @@ def _run(given: list[str]) -> int:
     asked.source, asked.contact, asked.notes = rest[0] if rest else None, rest[1] if rest[1:] else None, []
     interrupted = False
     with ExitStack() as stack:
-        outputs = [(field, path) for field, path in _outputs(asked) if field not in command.own]
-        places = [stack.enter_context(reserved(path, field)) for field, path in outputs]
+        outputs = _outputs(asked)
+        places = [stack.enter_context(reserved(path, field)) for field, path in outputs if field not in command.own]
         interrupts.unfinished = [place.unfinished for place in places if place.unfinished is not None]
         try:
             result = command.compute(asked) if name in ("show", "advise") else _watched(command, asked)
@@ -379,6 +382,8 @@ def _run(given: list[str]) -> int:
                 raise
             result, interrupted = error.partial, True
         interrupts.keeping = True
+        if not hasattr(result, "tasks"):  # a sweep has written its file, a fit of one curve has not
+            places += [stack.enter_context(reserved(path, field)) for field, path in outputs if field in command.own]
         for note in asked.notes:
             print(f"contbranch: warning: {note}", file=sys.stderr)
         _deliver(result, asked, places)

@@ -27,6 +27,7 @@ from contbranch.contact.text import as_path
 from contbranch.errors import InputError, ModelError
 from contbranch.output import files
 from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
+from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import (
     PATIENCE as LONGEST,
     Branch,
@@ -71,7 +72,7 @@ Kind = TypeVar("Kind", bound=Record)
 Kept = TypeVar("Kept")
 
 # What can be read again, besides sweeps.
-_KINDS = (Diagram, Hysteresis, Followed, Equilibria, PhaseDiagram, Fit)
+_KINDS = (Diagram, Hysteresis, Followed, Equilibria, PhaseDiagram, Fit, Advice)
 # What of a diagram is not read as a document is.
 _APART = {"contact", "unit_names", "tip", "events", "mode_shapes", "local_exponents"}
 # What stands in a column of a table where there is no value: modes are counted from 1.
@@ -81,7 +82,7 @@ _PARTS: Values = {
     one.__name__: one
     for one in (
         *(Branch, State, ModelChoice, Cost, Event, Exponent, Window, LoopPath, Jump, Special, Followed, Part, Barrier),
-        *(Profile, CellFields, Correlations, FitJump, LawFit),
+        *(Profile, CellFields, Correlations, FitJump, LawFit, Candidate),
     )
 }
 _PLAIN: Values = {"bool": bool, "int": int, "float": float, "str": str}
@@ -160,8 +161,8 @@ def _point(state: State) -> Branch:
     return Branch(**found, profiles=() if state.profile is None else (state.profile,), cells=cells)
 
 
-def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | PhaseDiagram | Fit | Sweep:
-    """Read a diagram, a loop, a followed event, equilibria, a phase diagram, a fit or a sweep from what `save` wrote.
+def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | PhaseDiagram | Fit | Advice | Sweep:
+    """Read what `save` wrote: a diagram, loop, followed event, equilibria, phase diagram, fit, advice or sweep.
 
     The contact is None, with a warning, where it cannot be made again: a law or tip of the user's that is not imported.
 
@@ -268,8 +269,10 @@ def _write_result(file: h5py.File, result: Result) -> None:
 def _write(group: h5py.Group, name: str, value: Any, names: UnitNames) -> None:
     """Write a value: an array as dataset with its unit, numbers and texts as attributes, everything else as groups.
 
-    A list of numbers is an array, with NaN for null.
+    A list of numbers is an array, with NaN for null; in a mapping null is an attribute without value.
     """
+    import h5py
+
     if value is None or (name in ("profiles", "cells") and not value):
         return
     listed = isinstance(value, list | tuple) and name != "events"
@@ -289,6 +292,8 @@ def _write(group: h5py.Group, name: str, value: Any, names: UnitNames) -> None:
     else:
         inner = group.create_group(name, track_order=isinstance(value, Mapping))  # read in the order of a dictionary
         for key, one in _parts(name, value):
+            if one is None and isinstance(value, Mapping):
+                inner.attrs[str(key)] = h5py.Empty("f8")
             _write(inner, str(key), one, names)
 
 
@@ -357,6 +362,8 @@ def _read_array(data: h5py.Dataset) -> Any:
 
 def _python(value: Any) -> Any:
     """An attribute as Python has it."""
+    if getattr(value, "shape", ()) is None:  # it has no value
+        return None
     return value.item() if isinstance(value, np.generic) else value
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from contbranch.output.plot_labels import place_labels
 from contbranch.output.plot_maps import cell_maps
 from contbranch.output.plot_view import (
     DASHES,
+    END,
     GREY,
     SERIES,
     Style,
@@ -35,6 +37,7 @@ from contbranch.output.plot_view import (
     said,
     stacked,
     styled,
+    unfinished,
     view,
 )
 from contbranch.output.smooth import smooth_path
@@ -48,16 +51,18 @@ _CLOSE = 6.0  # pixels between points that are not told apart
 
 
 def draw(result: Any) -> Figure:
-    """Draw a result as the command line does: a diagram as its `overview`, a solution as its `profiles` or maps."""
+    """Draw a result as the command line does: a diagram as its `overview`, states as their `profiles` or maps."""
     if isinstance(result, Diagram):
-        return overview(result)
+        points = [branch.state(0) for branch in result.branches if len(branch) == 1]
+        alone = 0 < len(points) == len(result.branches)  # saved by solve
+        return coexisting(points, result.control, result.units) if alone else overview(result)
     if isinstance(result, Solution) and result.profile is None and result.in_cell is None:
         return said("no state was found")
     if isinstance(result, Solution):
         flat = result.in_cell is not None and not (result.contact is not None and result.contact.tip.is_axisymmetric)
         return cell_maps(result, result.units) if flat else profiles(result, result.units)
     if not hasattr(result, "plot"):
-        raise InputError(f"plot: {type(result).__name__} is a table, and has no figure; draw one of its states")
+        raise InputError(f"plot: {type(result).__name__} is a table, and has no figure: print it")
     figure: Figure = result.plot()
     return figure
 
@@ -132,25 +137,53 @@ def profiles(state: State, unit_names: UnitNames | None = None) -> Figure:
     InputError
         If the state has no profile.
     """
-    profile = state.profile
-    if profile is None:
+    if state.profile is None:
         raise InputError("state: it has no profile; take a state of a traced diagram or of solve")
-    names = unit_names or {}
-    reach = max(1.25 * loud_radius(profile.r, profile.pressure, FAINT), 1.5 * state.contact_radius)
-    shown = (profile.r <= reach) & np.isfinite(profile.gap)
-    r = profile.r[shown]
+    return _profiles([state], [{"color": _STABLE, "label": "total"}], unit_names or {})
+
+
+def coexisting(states: Sequence[State], control: str, unit_names: UnitNames) -> Figure:
+    """Draw gap and pressure of states at one value of a control against the radius: dashed where they are not stable.
+
+    They are told apart by what is not controlled: the load under displacement control, otherwise the displacement.
+    """
+    shown = [state for state in states if state.profile is not None]
+    if not shown:
+        return said("there is no state with a profile")
+    name, symbol = ("load", "F_N") if control == "displacement" else ("displacement", "d")
+    looks: list[Style] = []
+    for state, colour in zip(shown, cycle(SERIES)):
+        kind, style = ("stable", "-") if state.stable(control) else ("unstable", DASHES)
+        value = f"{kind}, ${symbol} = {getattr(state, name):.4g}$ {unit_names.get(name, '')}"
+        looks.append({"color": colour, "linestyle": style, "label": value})
+    return _profiles(shown, looks, unit_names)
+
+
+def _profiles(states: Sequence[State], looks: Sequence[Style], names: UnitNames) -> Figure:
+    """Draw gap and pressure of states that have a profile, of a single one also the wall's share and the rim."""
+    fields: list[Any] = [state.profile for state in states]
+    radii = [1.5 * state.contact_radius for state in states]
+    reach = max(*radii, *(1.25 * loud_radius(one.r, one.pressure, FAINT) for one in fields))
     with new_figure(3.8) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(*smooth_path(r, profile.gap[shown]), color=_STABLE)
-        below.plot(*smooth_path(r, profile.pressure[shown]), color=_STABLE, label="total")
-        if state.contact_radius > 0.0:
-            wall = smooth_path(r, profile.wall_pressure[shown])
-            below.plot(*wall, color=_UNSTABLE, linestyle="--", label="wall")
+
+        def draw(axes: Axes, one: Any, name: str, look: Style) -> None:
+            shown = (one.r <= reach) & np.isfinite(one.gap)
+            values = getattr(one, name)[shown]  # at the axis they are as at the first node
+            axes.plot(*smooth_path(np.append(0.0, one.r[shown]), np.append(values[:1], values)), **look)
+
+        for one, look in zip(fields, looks, strict=True):
+            draw(above, one, "gap", look)
+            draw(below, one, "pressure", look)
+        if len(states) > 1:
+            figure.legend(handles=above.get_lines(), loc="outside upper center", ncols=2)
+        elif radii[0] > 0.0:
+            draw(below, fields[0], "wall_pressure", {"color": _UNSTABLE, "linestyle": "--", "label": "wall"})
             below.legend()
+            mark_rim((above, below), states[0].contact_radius, True, -1)
         below.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
-        mark_rim((above, below), state.contact_radius, True, -1)
         above.margins(x=0.0)
-        above.set_ylim(bottom=-0.04 * float(np.max(profile.gap[shown], initial=1e-300)))
+        above.set_ylim(bottom=-0.04 * max(above.dataLim.ymax, 1e-300))
         above.set_ylabel(axis_label("gap", names))
         below.set_ylabel(axis_label("pressure", names))
         below.set_xlabel(axis_label("r", names))
@@ -184,6 +217,8 @@ def _draw_curve(axes: Axes, diagram: Diagram, lines: Sequence[Line], shown: tupl
                 style = {**style, "label": None}
     for event in _marked(diagram):
         _draw_marker(axes, diagram, event, x, y)
+    if diagram.status != "complete":
+        axes.plot(lines[0].columns[x][-1:], lines[0].columns[y][-1:], **END, zorder=4)
     limits = view(diagram, lines, x, y)
     if limits is not None:
         wide = [(min(a, b[0]), max(c, b[1])) for (a, c), b in zip(limits, known or limits, strict=True)]
@@ -287,4 +322,5 @@ def _legend(diagram: Diagram) -> list[Line2D]:
         label = words.get(event.kind, f"fold, {event.control} control")
         if label not in handles:
             handles[label] = handle(label, linestyle="none", markeredgewidth=0.7, **_marker(diagram, event))
-    return list(handles.values())
+    load = diagram.branches[0].load  # those after the first begin and end at it
+    return [*handles.values(), *unfinished(diagram, "load", load[np.isfinite(load)][-1])]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 
 from contbranch.output.plot_view import BLUE, GREY, ORANGE, cell_edges, handle, heat_map, new_figure
@@ -42,7 +43,9 @@ def fit_figure(fit: Fit) -> Figure:
         handles = [handle("approach", color=BLUE), handle("retraction", color=ORANGE)]
         handles += [handle("jump measured", color="black", marker="x", linestyle="none")]
         handles += [handle("fitted", color="black", marker="+", linestyle="none")]
-        figure.legend(handles=handles, loc="outside upper center", ncols=4, columnspacing=1.0, handlelength=1.4)
+        look = {"ncols": 4, "columnspacing": 1.0, "handlelength": 1.4, "title_fontsize": rcParams["legend.fontsize"]}
+        said = "" if fit.status == "complete" else "did not converge"
+        figure.legend(handles=handles, loc="outside upper center", title=said, **look)
     return figure
 
 

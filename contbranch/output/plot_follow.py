@@ -16,7 +16,19 @@ from matplotlib.patches import Patch
 from contbranch.arrays import Array
 from contbranch.errors import look_up
 from contbranch.output.plot_labels import place_labels
-from contbranch.output.plot_view import BLUE, DASHES, GREY, ORANGE, axis_label, figure_of, handle, new_figure
+from contbranch.output.plot_view import (
+    BLUE,
+    DASHES,
+    END,
+    GREY,
+    ORANGE,
+    axis_label,
+    figure_of,
+    handle,
+    new_figure,
+    said,
+    unfinished,
+)
 from contbranch.output.smooth import smooth_path
 from contbranch.results.followed import Followed, Special
 from contbranch.results.phase import PhaseDiagram
@@ -74,14 +86,21 @@ def followed_curve(followed: Followed, y: str = "load") -> Figure:
         For another observable.
     """
     look_up(y, dict.fromkeys(OBSERVABLES), "y")
+    values = followed.curve[followed.parameter]
+    if not len(values):
+        return said(followed.message or "No point.")
     with new_figure(2.7) as figure:
         axes = figure.subplots()
-        logarithmic = _spacing(axes, followed.parameter, followed.curve[followed.parameter])
-        for x, values, contact in _lines(followed, y, logarithmic):
-            axes.plot(x, values, color=BLUE, linestyle="-" if contact else DASHES, zorder=3)
+        logarithmic = _spacing(axes, followed.parameter, values)
+        for x, line, contact in _lines(followed, y, logarithmic):
+            style, mark = "-" if contact else DASHES, "o" if len(x) == 1 else ""
+            axes.plot(x, line, color=BLUE, linestyle=style, marker=mark, markersize=3.5, zorder=3)
         event, touching = followed.event, followed.curve["contact_radius"] > 0
         handles = [handle("with contact", color=BLUE)] if np.any(touching) else []
         handles += [] if np.all(touching) else [handle("without contact", color=BLUE, linestyle=DASHES)]
+        if ends := unfinished(followed, followed.parameter, values[-1]):
+            handles += ends
+            axes.plot(values[-1], followed.curve[y][-1], **END, zorder=4)
         axes.legend(
             handles=handles,
             loc="best",
@@ -148,7 +167,7 @@ def _lines(followed: Followed, y: str, logarithmic: bool) -> list[tuple[Array, A
     x, values = curve[followed.parameter], curve[y]
     corners = sorted({0, max(len(x) - 1, 0), *(one.index for one in followed.special if one.kind in _CORNERS)})
     lines = []
-    for first, last in pairwise(corners):
+    for first, last in [*pairwise(corners)] or [(0, 0)] * len(x):
         part = slice(first, last + 1)
         at, level = x[part], values[part]
         shown = np.isfinite(at) & ((at > 0) | (not logarithmic))
@@ -215,4 +234,6 @@ def _regions(phase: PhaseDiagram, present: list[tuple[int, int]]) -> list[Patch 
         handles.append(handle("fold without contact", color=ORANGE, linestyle=DASHES))
     if len(radii) < len(phase.boundaries):
         handles.append(handle("first touch", color=_TOUCH))
+    if phase.status != "complete":
+        handles.append(handle("incomplete", linestyle="none"))
     return handles

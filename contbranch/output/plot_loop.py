@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from contbranch.output.plot_curve import observable
 from contbranch.output.plot_view import (
     BLUE,
+    END,
     GREY,
     ORANGE,
     axis_label,
@@ -19,6 +20,7 @@ from contbranch.output.plot_view import (
     said,
     stacked,
     styled,
+    unfinished,
 )
 from contbranch.output.smooth import smooth_path
 from contbranch.results.loop import Hysteresis
@@ -66,7 +68,8 @@ def loop_figure(loop: Hysteresis, x: str | None = None, y: str | None = None, *,
         handles = [handle(up, color=_UP), handle(down, color=_DOWN)]
         if loop.jumps:
             handles.append(handle("jump", color="black", linestyle=":"))
-        return stacked(len(shown), lambda axes, k: _draw(axes, loop, x, shown[k]), handles, 3)
+        handles += (ends := unfinished(loop, "load", loop.path.load[-1]))
+        return stacked(len(shown), lambda axes, k: _draw(axes, loop, x, shown[k]), handles, 3 - len(ends))
 
 
 def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
@@ -92,6 +95,8 @@ def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
     for jump in loop.jumps:
         states = [state for state in (jump.start, jump.to) if state is not None]
         _draw_jump(axes, [(observable(s, across, stiffness), observable(s, name, stiffness)) for s in states])
+    if loop.status != "complete":
+        axes.plot(*(observable(path, one, stiffness)[-1] for one in (across, name)), **END, zorder=4)
     axes.margins(_MARGIN)
     seen = (axes.dataLim.intervalx, axes.axvline), (axes.dataLim.intervaly, axes.axhline)
     for one, ((low, high), zero) in zip((across, name), seen, strict=True):

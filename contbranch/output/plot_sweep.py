@@ -16,9 +16,12 @@ from contbranch.output.plot_view import SERIES, cell_edges, heat_map, new_figure
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
 
-_MOST = 4  # maps beside each other
+_MOST = 4  # maps beside each other, in so many rows as it takes
 _NONE = "#E4E4E4"
 _MARKERS = "osD^vPX*"
+
+# Values at which there is a line, by the quantity that has them.
+Levels = dict[str, list[float]]
 
 
 def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = (), level: float | None = None) -> Figure:
@@ -31,12 +34,13 @@ def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = (), level: float | No
     thresholds : sequence of str, optional
         Names among `sweep.names`; default: loads at which stability is lost, otherwise whatever there is.
     level : float, optional
-        Where they have this value there is a line.
+        Where they have this value there is a line, as far as they are what the first of them is: loads, say.
 
     Raises
     ------
     InputError
-        For a sweep over more parameters, a name that none of its tasks has, or nothing to draw.
+        For a sweep over more parameters, a name that none of its tasks has, nothing to draw, or a level over two
+        parameters that are no grid.
     """
     shown = _chosen(sweep, thresholds)
     if not 1 <= len(sweep.parameters) <= 2:
@@ -44,7 +48,9 @@ def sweep_figure(sweep: Sweep, thresholds: Sequence[str] = (), level: float | No
         raise InputError(f"plot: the sweep varies {over}; figures show one parameter or two: write contbranch view")
     values = {name: np.array([task.thresholds.get(name, np.nan) for task in sweep.tasks]) for name in shown}
     axes = [np.array([task.parameters[name] for task in sweep.tasks]) for name in sweep.parameters]
-    lines = [] if level is None else [finite_number(level, "level")]
+    lines: Levels = {} if level is None else {quantity(shown[0]): [finite_number(level, "level")]}
+    if lines and len(axes) == 2 and (sweep.mode != "grid" or min(sweep.shape) < 2):
+        raise InputError("level: a line over two parameters takes a grid with two values of each; leave it out")
     return _curves(sweep, axes[0], values, lines) if len(axes) == 1 else _maps(sweep, axes, values, lines)
 
 
@@ -60,7 +66,7 @@ def _label(sweep: Sweep, name: str) -> str:
     return with_unit(name.replace("_", " "), sweep.unit_names.get(quantity(name), ""))
 
 
-def _curves(sweep: Sweep, x: Array, values: dict[str, Array], levels: Sequence[float]) -> Figure:
+def _curves(sweep: Sweep, x: Array, values: dict[str, Array], levels: Levels) -> Figure:
     """Every threshold against the only parameter; one axis for each quantity."""
     kinds = list(dict.fromkeys(map(quantity, values)))
     order, colours = np.argsort(x), cycle(SERIES)
@@ -71,7 +77,7 @@ def _curves(sweep: Sweep, x: Array, values: dict[str, Array], levels: Sequence[f
             for name, marker in zip(own, cycle(_MARKERS)):
                 look = {"marker": marker, "markersize": 3.5, "color": next(colours), "label": name.replace("_", " ")}
                 panel.plot(x[order], values[name][order], **look)
-            for level in levels:
+            for level in levels.get(kind, ()):
                 panel.axhline(level, color="0.4", linewidth=0.8, linestyle="--")
             panel.set_ylabel(_label(sweep, own[0] if len(own) == 1 else kind))
             if len(own) > 1:
@@ -81,20 +87,26 @@ def _curves(sweep: Sweep, x: Array, values: dict[str, Array], levels: Sequence[f
     return figure
 
 
-def _maps(sweep: Sweep, place: Sequence[Array], values: dict[str, Array], levels: Sequence[float]) -> Figure:
+def _maps(sweep: Sweep, place: Sequence[Array], values: dict[str, Array], levels: Levels) -> Figure:
     """Every threshold over both parameters: cells of a grid, otherwise points; grey where there is none."""
-    shown = dict(list(values.items())[:_MOST])
-    with new_figure(2.9, len(shown)) as figure:
-        panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
-        for panel, (name, found) in zip(panels, shown.items(), strict=True):
-            title = _label(sweep, name) + (", grey: none" if np.isnan(found).any() else "")
+    across = min(len(values), _MOST)
+    down = -(-len(values) // across)
+    with new_figure(2.9 * down, across) as figure:
+        panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
+        for panel in panels[len(values) :]:
+            panel.remove()
+        for panel, (name, found) in zip(panels, values.items(), strict=False):
+            title = _label(sweep, name)
+            title += ", grey: none" if np.sum(np.isfinite(found)) < np.prod(sweep.shape) else ""
             if sweep.mode == "grid":
                 x, y = (np.array(sweep.axes[parameter]) for parameter in sweep.parameters)
                 panel.set_facecolor(_NONE)
-                cells = found.reshape(sweep.shape)[np.argsort(x)][:, np.argsort(y)].T
+                cells = np.full(sweep.shape, np.nan)  # also of tasks that are missing
+                cells.flat[[task.index for task in sweep.tasks]] = found
+                cells = cells[np.argsort(x)][:, np.argsort(y)].T
                 heat_map(panel, _edges(x), _edges(y), cells, title)
-                if levels and min(cells.shape) > 1:
-                    panel.contour(np.sort(x), np.sort(y), cells, levels, colors="white", linewidths=1.2)
+                if own := levels.get(quantity(name)):
+                    panel.contour(np.sort(x), np.sort(y), cells, own, colors="white", linewidths=1.2)
             else:
                 panel.scatter(*place, color=_NONE, s=14.0)
                 figure.colorbar(panel.scatter(*place, c=found, s=14.0), ax=panel)
@@ -102,7 +114,8 @@ def _maps(sweep: Sweep, place: Sequence[Array], values: dict[str, Array], levels
             panel.set_xlabel(parameter_label(sweep.parameters[0], sweep.unit_names))
             for axis, along in zip((panel.xaxis, panel.yaxis), place, strict=True):
                 scale_axis(axis, along)
-        panels[0].set_ylabel(parameter_label(sweep.parameters[1], sweep.unit_names))
+        for panel in panels[::across]:
+            panel.set_ylabel(parameter_label(sweep.parameters[1], sweep.unit_names))
     return figure
 
 

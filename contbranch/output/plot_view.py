@@ -22,7 +22,7 @@ from contbranch.contact.contact import Contact
 from contbranch.errors import InputError, look_up
 from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
 from contbranch.results.diagram import Diagram
-from contbranch.results.record import UnitNames
+from contbranch.results.record import Result, UnitNames
 
 # What matplotlib takes.
 Style = dict[str, Any]
@@ -33,12 +33,14 @@ GREY = "#555555"
 # Colours that the colour-blind tell apart, for several curves.
 SERIES = (BLUE, ORANGE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = (0, (3.2, 1.6))
+# Where a curve ends that should go on.
+END: Any = {"marker": "x", "markersize": 5.0, "color": "black", "linestyle": "none"}
 STYLE: Any = {
     "font.size": 8.0,
     "axes.labelsize": 8.5,
     "axes.linewidth": 0.7,
     "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.limits": (-3, 5),
     "axes.formatter.use_mathtext": True,
     "xtick.labelsize": 7.5,
     "ytick.labelsize": 7.5,
@@ -131,15 +133,17 @@ def stacked(count: int, draw: Callable[[Axes, int], None], handles: Sequence[Lin
         figure.set_layout_engine(None)
         width, height = figure.get_size_inches()
         em = FontProperties(size=rcParams["axes.labelsize"]).get_size_in_points() / 72.0
-        top = 1.6 * em * -(-len(handles) // ncols) + (2.0 if count > 1 else 1.0) * em
-        figure.subplots_adjust(5.8 * em / width, 3.4 * em / height, 1.0 - em / width, 1.0 - top / height, hspace=0.35)
+        top = 1.6 * em * -(-len(handles) // ncols) + 2.0 * em  # powers of ten of the axis stand below the legend
+        right = 1.0 - 1.5 * em / width  # half a number of five digits
+        figure.subplots_adjust(5.8 * em / width, 3.4 * em / height, right, 1.0 - top / height, hspace=0.35)
         for number, axes in enumerate(figure.subplots(count, 1, squeeze=False)[:, 0].tolist()):
             draw(axes, number)
             axes.xaxis.set_major_locator(MaxNLocator(7, steps=[1, 2, 2.5, 5, 10]))
             # of ticks that are made later, outside of the style, too
             axes.tick_params(which="both", labelsize=rcParams["xtick.labelsize"])
             if count > 1:
-                axes.set_title(f"({'ab'[number]})", loc="left", fontsize=rcParams["axes.labelsize"], pad=4.0)
+                beside = {"loc": "left", "x": -0.22, "y": 1.0, "pad": 4.0}  # of the axis' power of ten
+                axes.set_title(f"({'ab'[number]})", fontsize=rcParams["axes.labelsize"], **beside)
         figure.legend(handles=handles, loc="upper center", ncols=ncols, columnspacing=1.6, handletextpad=0.5)
     return figure
 
@@ -198,6 +202,14 @@ def mark_rim(panels: Sequence[Axes], contact_radius: float, named: bool, inwards
 def handle(label: str, **style: Any) -> Line2D:
     """Return a line for a legend."""
     return Line2D([], [], label=label, **style)
+
+
+def unfinished(result: Result, name: str, value: float) -> list[Line2D]:
+    """A handle that says of an incomplete result where its curve ends, in words: it may be outside of what is shown."""
+    if result.status == "complete":
+        return []
+    place = f"{name} {value:.3g} {result.table().units.get(name, '')}".rstrip()
+    return [handle(f"stopped at {place}", **END)]
 
 
 def axis_label(name: str, unit_names: UnitNames, contact: Contact | None = None) -> str:

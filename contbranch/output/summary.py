@@ -11,13 +11,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contbranch.errors import number_of
 from contbranch.results.advice import Advice
 from contbranch.results.diagram import Diagram, Event, Solution, State
 from contbranch.results.equilibria import Equilibria
 from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.fit_map import FitMap
-from contbranch.results.followed import Followed
+from contbranch.results.followed import Followed, Special
 from contbranch.results.loop import Hysteresis
+from contbranch.results.phase import PhaseDiagram
 from contbranch.results.record import OBSERVABLES, Result, UnitNames
 from contbranch.results.sweep import Sweep, quantity
 from contbranch.results.table import with_unit
@@ -66,18 +68,18 @@ def parts(result: Result) -> Parts:
     units = {name: _FOR_PEOPLE.get(unit, unit) for name, unit in result.units.items()}
     if type(result) in _SHOWN:
         yield from _SHOWN[type(result)](result, units)
-    if hasattr(result, "model"):
+    if hasattr(result, "model") and not isinstance(result, Advice):  # what it takes is said, and may be another
         model = told.model
-        yield f"Model: {model.kind}, {model.unknowns} unknowns. {model.why}".rstrip()
-    if not isinstance(result, Sweep) and told.contact is not None and told.contact.tabor is not None:
+        yield f"Model: {model.kind}, {number_of(model.unknowns, 'unknown')}. {model.why}".rstrip()
+    if not isinstance(result, Sweep | Advice) and told.contact is not None and told.contact.tabor is not None:
         from contbranch.advice import regime
 
         yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)
     points = ""
     if isinstance(result, Diagram | Hysteresis | Followed):
-        points = f"{len(next(iter(result.table().columns.values()), ()))} points in "
+        points = f"{number_of(len(next(iter(result.table().columns.values()), ())), 'point')} in "
     accuracy = f", accuracy {told.accuracy:g}" if hasattr(result, "accuracy") else ""
-    yield f"{points}{told.cost.wall_s:.2f} s{accuracy}: {told.status}"
+    yield f"{points}{told.cost.wall_s:.2f} s{accuracy}: {result.outcome}"
     if told.message:
         yield str(told.message)
 
@@ -138,13 +140,37 @@ def _followed(followed: Followed, units: UnitNames) -> Parts:
         rows.append([str(i), f"{curve[name][i]:.9g}", *cells])
     yield Cells(["", varied, *_headings(units)], rows)
     yield _BRACKETS
-    if followed.special:
+    yield from _special(followed.special, varied, units)
+
+
+def _special(points: Sequence[Special], varied: str, units: UnitNames) -> Parts:
+    if points:
         rows = []
-        for one in followed.special:
+        for one in points:
             title = f"{one.kind} ({one.control})" if one.control else one.kind
-            rows.append([title, with_error(one.value, one.error[name] or None), *_cells(one)])
+            rows.append([title, with_error(one.value, one.error[one.parameter] or None), *_cells(one)])
         yield Cells(["special point", varied, *_headings(units)], rows)
-        yield from dict.fromkeys(one.message for one in followed.special if one.message)
+        yield from dict.fromkeys(one.message for one in points if one.message)
+
+
+def _phase(phase: PhaseDiagram, units: UnitNames) -> Parts:
+    name, ends = phase.parameter, "{:.6g} to {:.6g}"
+    varied = with_unit(name, phase.table().units.get(name, ""))
+    rows = [
+        [_title(one.event), *(ends.format(*one.curve[key][[0, -1]]) for key in (name, phase.control))]
+        for one in phase.boundaries
+        if one.curve[name].size
+    ]
+    yield Cells(["boundary", varied, *_headings(units, [phase.control])], rows)
+    yield from _special(phase.special, varied, units)
+
+
+def _equilibria(found: Equilibria, units: UnitNames) -> Parts:
+    yield _states(found.states, units)
+    if found.barriers:
+        rows = [[f"{one.stable}", f"{one.saddle}", *map("{:.6g}".format, one.heights)] for one in found.barriers]
+        heights = (with_unit(f"height from the {one}", units.get("energy", "")) for one in ("first", "second"))
+        yield Cells(["barrier between states (from 0)", "over", *heights], rows)
 
 
 def _advice(advice: Advice, units: UnitNames) -> Parts:
@@ -155,6 +181,9 @@ def _advice(advice: Advice, units: UnitNames) -> Parts:
         told = ["none" if error is None else f"{error:.1e}" for error in errors]
         rows.append([one.model, *told, f"{one.seconds:.2g}"])
     yield Cells(["candidate", *(f"error of {name}" for name in names), "seconds"], rows)
+    if names:
+        yield f"Errors, relative to max(1, |value|) in reduced units: of {advice.model.kind} as its trace estimates"
+        yield "them, of theories against that trace, of grids as measured for the spacing of their nodes."
     yield f"Take {advice.chosen}. {advice.why}"
 
 
@@ -194,9 +223,10 @@ _SHOWN: Mapping[type, Callable[[Any, UnitNames], Parts]] = {
     Diagram: _diagram,
     Fit: _fit,
     Solution: lambda solution, units: iter([_states(solution.known, units)]),
-    Equilibria: lambda found, units: iter([_states(found.states, units)]),
+    Equilibria: _equilibria,
     Hysteresis: _loop,
     Followed: _followed,
+    PhaseDiagram: _phase,
     FitMap: _sweep,
     Sweep: _sweep,
 }

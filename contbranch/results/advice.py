@@ -21,7 +21,7 @@ class Candidate(Record):
         ``rings`` (the axisymmetric model with free boundaries), ``free``, ``periodic``.
     errors : mapping
         Its error of every threshold judged, relative to max(1, |value|) in reduced units; None where it has no such
-        value.
+        value. Of what was traced that trace's estimates, of theories what they are off, of grids what was measured.
     seconds : float
         The time that it takes, about.
     why : str

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from contbranch.errors import number_of
 from contbranch.results.diagram import Cost, ModelChoice, State
 from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_records
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @record
@@ -77,12 +82,18 @@ class Equilibria(Result):
 
     def told(self) -> str:
         """How many states there are."""
-        return f"{len(self)} states, {len(self.stable)} stable under {self.control} control"
+        return f"{number_of(len(self), 'state')}, {len(self.stable)} stable under {self.control} control"
 
     def tables(self) -> Tables:
         """The states, and whether each lies on the traced curve."""
         listed = of_records(State, self.states, self.units)
         return {"state": listed._replace(columns={**listed.columns, "connected": np.array(self.connected)})}
+
+    def plot(self) -> Figure:
+        """Draw gap and pressure of all states against the radius, dashed where they are not stable."""
+        from contbranch.output.plot import coexisting
+
+        return coexisting(self.states, self.control, self.units)
 
     @property
     def stable(self) -> tuple[State, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
+from contbranch.errors import number_of
 from contbranch.results.diagram import Cost
 from contbranch.results.followed import Followed
 from contbranch.results.record import Record, Result, described, record
@@ -154,6 +155,11 @@ class PhaseDiagram(Result):
                 places, levels = np.append(places, self._change(last)), np.vstack([levels, merged])
         known = ~np.isnan(levels.T)
         return np.array([_through(places[own], one[own], at) for one, own in zip(levels.T, known, strict=True)]).T
+
+    def told(self) -> str:
+        """What bounds its regions."""
+        lines, points = number_of(len(self.boundaries), "boundary line"), number_of(len(self.special), "special point")
+        return f"{self.control} over {self.parameter}: {lines}, {points}"
 
     def tables(self) -> Tables:
         """The points of all boundaries."""

@@ -207,6 +207,11 @@ class Result(Record):
         return ""
 
     @property
+    def outcome(self) -> str:
+        """Its status, for people."""
+        return self.status
+
+    @property
     def units(self) -> UnitNames:
         """Units of its numbers by quantity; none where they are reduced."""
         return self.unit_names if self.contact is None else self.contact.units.names
@@ -214,7 +219,7 @@ class Result(Record):
     def __repr__(self) -> str:
         """Kind, contact and status, what there is to say in a line, and the message: three lines at most."""
         contact = "" if self.contact is None else f" of {self.contact.brief}"
-        lines = [f"{type(self).__name__}{contact}: {self.status}", self.told(), self.message]
+        lines = [f"{type(self).__name__}{contact}: {self.outcome}", self.told(), self.message]
         return "\n".join(shorten(line, 1) for line in lines if line)
 
     def __str__(self) -> str:
@@ -336,7 +341,7 @@ def _brief(value: Any) -> str:
         return f"{value:.9g}"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key}: {_brief(one)}" for key, one in value.items()) + "}"
-    if isinstance(value, tuple) and len(value) > 1:
+    if isinstance(value, tuple) and len(value) > 1 and isinstance(value[0], Record):
         return f"{len(value)} × {type(value[0]).__name__}"
     return "…" if callable(value) else repr(value)
 

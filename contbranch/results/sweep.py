@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from contbranch.errors import InputError
+from contbranch.errors import InputError, number_of
 from contbranch.results.diagram import Cost, Diagram
 from contbranch.results.record import Record, Result, described, record
 from contbranch.results.table import Tables, of_columns
@@ -66,7 +66,7 @@ class Sweep(Result):
     contact : Contact or None
         The one that was varied, or the first.
     status, message : str
-        ``complete`` if every task has ended, though some may have failed: see `failed`.
+        ``complete`` if every task has ended, though some may be incomplete or have failed: see `told` and `failed`.
     """
 
     format = "contbranch-sweep"
@@ -113,13 +113,20 @@ class Sweep(Result):
             raise InputError(f"index: {index}; this task failed: {self.tasks[index].message}")
         return read_diagram(self, index)
 
+    @property
+    def outcome(self) -> str:
+        """Whether there is anything left to do: that every task has ended does not say that all are complete."""
+        whole = all(task.status == "complete" for task in self.tasks)
+        return self.status if whole or self.status == "incomplete" else "all tasks have ended"
+
     def told(self) -> str:
         """How many tasks there are, and of what becomes."""
         counts = dict.fromkeys(("complete", "incomplete", "failed"), 0)
         for task in self.tasks:
             counts[task.status] += 1
         listed = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
-        return f"{len(self.tasks)} tasks over {' × '.join(self.parameters) or 'contacts'}: {listed or 'none ended'}"
+        what = f"{number_of(len(self.tasks), 'task')} over {' × '.join(self.parameters) or 'contacts'}"
+        return f"{what}: {listed or 'none ended'}"
 
     def tables(self) -> Tables:
         """A row a task: its parameters, thresholds and status."""
@@ -141,11 +148,12 @@ class Sweep(Result):
             Some of `names`; default: the loads of the folds.
         level : float, optional
             A line where a threshold has this value: over two parameters the boundary of a phase diagram at that level.
+            It is one of the quantity of the first threshold drawn: no line for radii at a level of the load.
 
         Raises
         ------
         InputError
-            For a sweep over more than two parameters, or an unknown name.
+            For a sweep over more than two parameters, an unknown name, or a level over two that are no grid.
         """
         from contbranch.output.plot_sweep import sweep_figure
 

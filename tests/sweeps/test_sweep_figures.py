@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -54,8 +55,23 @@ def test_a_level_is_a_line() -> None:
     (paths,) = (one.get_paths() for one in panel.collections[1:])
     ends = paths[0].vertices[[0, -1]]
     assert ends[ends[:, 0].argsort()] == pytest.approx(np.array([[1.0, 200.0], [4.0, 50.0]]))
-    (curves,) = swept({"tabor": (1.0, 2.0)}).plot("pull_off_load", level=-1.5).axes
+    curves, radii = swept({"tabor": (1.0, 2.0)}).plot("pull_off_load", "pull_off_radius", level=-1.5).axes
     assert curves.get_lines()[-1].get_ydata() == [-1.5, -1.5]
+    assert len(radii.get_lines()) == 1
+    with pytest.raises(cb.InputError, match="level: a line over two parameters takes a grid"):
+        swept(axes | {"material.modulus": (1.0, 2.0, 4.0)}, "zip").plot(level=-1.5)
+
+
+def test_all_maps_are_drawn_and_what_is_missing_is_grey() -> None:
+    """Five maps in two rows, of a sweep that was ended before its last two tasks."""
+    names = [f"squeeze_out-{k}_load" for k in range(5)]
+    whole = swept({"tip.radius": (1.0, 2.0), "material.modulus": (1.0, 2.0, 3.0)})
+    tasks = [replace(task, thresholds=dict.fromkeys(names, 1.0)) for task in whole.tasks[:4]]
+    panels = [one for one in replace(whole, tasks=tuple(tasks)).plot().axes if one.get_title()]
+    assert [one.get_subplotspec().rowspan.start for one in panels] == [0, 0, 0, 0, 1]
+    cells = panels[4].collections[0].get_array().reshape(3, 2)
+    assert np.array_equal(cells.mask, [[False, False], [False, True], [False, True]])
+    assert panels[4].get_title().endswith("grey: none")
 
 
 def test_side_by_side_points() -> None:
@@ -64,6 +80,15 @@ def test_side_by_side_points() -> None:
         np.array([[1.0, 1.0], [2.0, 5.0], [3.0, 2.0]])
     )
     assert panel.collections[1].get_array().filled(np.nan) == pytest.approx([-1.0, np.nan, -6.0], nan_ok=True)
+
+
+def test_a_sweep_says_what_became_of_its_tasks() -> None:
+    one = swept({"tabor": (1.0,)})
+    assert repr(one) == "Sweep: complete\n1 task over tabor: 1 complete"
+    cut = replace(one, tasks=(replace(one.tasks[0], status="incomplete", message="The time limit was reached."),))
+    assert repr(cut) == "Sweep: all tasks have ended\n1 task over tabor: 1 incomplete"
+    assert str(cut).endswith("s: all tasks have ended")
+    assert (cut.status, replace(cut, status="incomplete").outcome) == ("complete", "incomplete")
 
 
 def test_what_cannot_be_drawn_is_said() -> None:

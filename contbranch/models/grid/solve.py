@@ -11,7 +11,7 @@ from contbranch.curve.events import Reached
 from contbranch.curve.refine import refine
 from contbranch.curve.solve import CONTROLS, state_apart
 from contbranch.curve.trace import Request
-from contbranch.errors import InputError, ModelError
+from contbranch.errors import InputError, ModelError, number_of
 from contbranch.results.diagram import State
 
 from .equilibria import LatticeProblem
@@ -70,8 +70,7 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
     for note in notes:
         warn(note)
     if own and related:
-        count = len(related)
-        notes.insert(0, f"The axisymmetric model has {count} equilibri{'um' if count == 1 else 'a'} here.")
+        notes.insert(0, f"The axisymmetric model has {number_of(len(related), 'equilibrium', 'equilibria')} here.")
     else:
         notes.insert(0, "Whether other equilibria exist has not been searched.")
     lowest = min((getattr(state, field) for state in states), default=math.inf)
