@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -234,6 +235,30 @@ def test_what_the_data_cannot_tell_is_said(curve):
     fit = cb.fit(curve, contact(), ("work_of_adhesion", "modulus", "radius", "sensitivity"))
     assert not {"work_of_adhesion", "radius"} <= set(fit.identifiable)
     assert "not determine" in fit.message
+
+
+@pytest.mark.parametrize("tip", [cb.Parabola(1000.0), cb.Cone(0.4), cb.SphericalCap(300.0)], ids=lambda tip: tip.name)
+def test_a_contact_without_interaction_is_that_of_hertz_and_sneddon(tip):
+    """F = 2E [a d − ∫ζ] and d = ζ(a), on a spring as stiff as the contact is where it is pressed most."""
+    bare = replace(contact(), tip=tip, interaction=None)
+    a = np.linspace(0.0, 100.0, 2000)
+    depth = tip.transform(a)
+    load = 2 * bare.modulus * (a * depth - tip.transform_integral(a))
+    spring = 2 * bare.modulus * a[-1]
+    piezo = depth + load / spring
+    way = np.linspace(-piezo[-1], piezo[-1], 400)
+    way = np.concatenate([way, way[::-1]])
+    noise = 3e-3 * load[-1] * NOISE / 0.3
+    force = np.interp(way, piezo, load, left=0.0) + noise + 0.1 * load[-1]
+    curve = cb.ForceCurve(piezo=way + 7.0, force=force, spring=spring, segment=np.repeat([0, 1], 400))
+    found = cb.fit(curve, replace(bare, modulus=5 * bare.modulus), "modulus")
+    assert (found.status, found.law, found.jumps) == ("complete", "hertz", ())
+    assert {"modulus", "contact_point"} <= set(found.identifiable)
+    for name, true in (("modulus", bare.modulus), ("contact_point", 7.0)):
+        assert abs(found.values[name] - true) < 3 * found.errors[name]
+    assert found.errors["modulus"] < 0.1 * bare.modulus
+    with pytest.raises(cb.InputError, match="law: the contact has no interaction"):
+        cb.fit(curve, bare, "modulus", law="compare")
 
 
 def test_laws_are_compared(curve):

@@ -17,7 +17,7 @@ from contbranch.measure.comparison import Leg
 from contbranch.measure.features import Features
 from contbranch.measure.minimum import Minimiser, Minimum, errors_of
 from contbranch.measure.quantities import LINE, State
-from contbranch.measure.reduced import TABOR
+from contbranch.measure.reduced import TABOR, curve_of
 from contbranch.results.diagram import Cost
 from contbranch.results.fit import Correlations, Fit, FitJump
 
@@ -44,7 +44,9 @@ def concluded(minimiser: Minimiser, found: Minimum) -> Fit:
     fitted[found.comparison.samples], _ = minimiser.model(problem, found.x, found.comparison)
     contact = state.contact
     control = "displacement" if math.isinf(state.spring) else Spring(state.spring)
-    most = max(minimiser.seen.largest * state.sensitivity, 1e-3 * contact.scales.load)
+    most = minimiser.seen.largest * state.sensitivity
+    if contact.interaction is not None:
+        most = max(most, 1e-3 * contact.scales.load)
     result = Fit(
         values=values,
         errors=spreads,
@@ -56,7 +58,7 @@ def concluded(minimiser: Minimiser, found: Minimum) -> Fit:
         rms=found.rms,
         noise=minimiser.seen.noise,
         contact=contact,
-        law=problem.limit or terms_of(contact.interaction)[0].name or "law",
+        law=problem.limit or next((law.name or "law" for law in terms_of(contact.interaction)), "hertz"),
         status="complete" if found.converged else "incomplete",
         message="",
         spring=state.spring,
@@ -92,7 +94,10 @@ def _known(minimiser: Minimiser, found: Minimum, values: dict[str, float], error
     """What the data determine."""
     low, high = found.problem.bounds()
     inside = np.minimum(found.x - low, high - found.x) >= 0.05
-    length = found.problem.state(found.x).contact.scales.normal
+    state = found.problem.state(found.x)
+    length = state.contact.scales.normal
+    if state.contact.interaction is None:  # as deep as it was pressed
+        length = curve_of(state.contact, minimiser.seen.largest).displacement[-1]
     sure = {name: KNOWN * abs(value) for name, value in values.items()}
     sure |= {"contact_point": PLACED * length, "baseline": math.inf, "tilt": math.inf}
     apart = [np.abs(found.problem.numbers(x) - found.values) > 3 * np.array([*errors.values()]) for x in found.others]

@@ -68,7 +68,8 @@ def fit(
     ----------
     curve : ForceCurve
     contact : Contact
-        Physical; its values are those that stay, and a start for those that are free.
+        Physical; its values are those that stay, and a start for those that are free. Without an interaction it is that
+        of Hertz, or of Sneddon for other tips.
     free : sequence of str
         Numbers of the contact (``work_of_adhesion``, ``modulus``, ``range``, ``radius``, …, in a sum of laws
         ``range[0]``, …), ``spring`` and ``sensitivity``, the factor between the true deflection and the recorded one.
@@ -100,8 +101,6 @@ def fit(
         raise InputError(f"curve: {type(curve).__name__}; must be a ForceCurve, such as cb.read_force_curve(path)")
     if not isinstance(contact, Contact) or not contact.units.physical:
         raise InputError("contact: must be a Contact with units, made by cb.Contact.physical(...) or from a file")
-    if not terms_of(contact.interaction):
-        raise InputError("contact: it has no interaction; give a law, with a start for its work of adhesion")
     began = perf_counter()
     with watched(progress, time_limit) as watch, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of values that are tried on the way
@@ -265,7 +264,7 @@ def _with_law(contact: Contact, name: str) -> Contact:
     """The contact with another law of the same work of adhesion and range."""
     law = contact.interaction
     if law is None:
-        raise InputError("contact: it has no interaction")
+        raise InputError("law: the contact has no interaction; give it one, with a start for its work of adhesion")
     if law.name == name:
         return contact
     return replace(contact, interaction=INTERACTIONS[name](law.work_of_adhesion, law.range))

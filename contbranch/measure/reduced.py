@@ -7,8 +7,8 @@ place τ along the curve,
     without contact  g0 = z0 sinh(u),   u = τ² asinh(g_far/z0),
     in contact       a² = R z0 sinh(u), u = τ² asinh(μ_T Y),
 
-where load and displacement less those of the bare parabola are smooth. Maugis' law, JKR and DMT are closed forms; any
-other contact is traced each time.
+where load and displacement less those of the bare parabola are smooth. Maugis' law, JKR, DMT and contacts
+without a law are closed forms; any other contact is traced each time.
 """
 
 from __future__ import annotations
@@ -101,7 +101,9 @@ def curve_of(contact: Contact, largest: float, limit: str = "") -> Curve:
     top = TOP ** max(1, math.ceil(math.log(max(largest / scales.load, 1.0)) / math.log(TOP)))
     if limit:
         return _LIMITING[limit](top).scaled(scales.load, scales.normal)
-    if law is None or contact.tabor is None or not tabulated(contact):
+    if law is None:
+        return _bare(contact, largest)
+    if contact.tabor is None or not tabulated(contact):
         return _traced(contact, 1.01 * max(largest, 10 * scales.load))
     sign = 1.0 if law.work_of_adhesion > 0 else -1.0
     tabor = min(max(contact.tabor, TABOR[0]), TABOR[1])
@@ -127,6 +129,24 @@ def _dmt(top: float) -> Curve:
 
 _FAR = 1e9
 _LIMITING: dict[str, Callable[[float], Curve]] = {"jkr": lru_cache(_jkr), "dmt": lru_cache(_dmt)}
+
+
+def _bare(contact: Contact, largest: float) -> Curve:
+    """A tip that nothing attracts (I. N. Sneddon 1965): d = ζ(a) and F = 2E [a d − ∫ζ], with its Abel transform ζ."""
+    tip, a = contact.axisymmetric_tip, np.linspace(0.0, 1.0, FINER * PLACES[1])
+    most = min(contact.scales.in_plane, tip.extent)
+
+    def load(a: Array) -> Array:
+        return 2.0 * contact.modulus * (a * tip.transform(a) - tip.transform_integral(a))
+
+    while load(np.array([0.5 * most]))[0] > largest:
+        most *= 0.5
+    while load(np.array([most]))[0] < largest:
+        if most == tip.extent:
+            raise ModelError("the curve of the contact ends before the largest load, at the edge of the tip")
+        most = min(2.0 * most, tip.extent)
+    a *= most
+    return Curve(np.append(0.0, load(a)), np.append(-_FAR, tip.transform(a)))
 
 
 def _maugis(tabor: float, top: float) -> Curve:

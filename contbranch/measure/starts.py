@@ -53,7 +53,7 @@ def starts(minimiser: Minimiser, problem: Problem) -> Iterator[Array]:
     if problem.by_tabor:
         contacts += [parameters_of(contact)["range"].contact(normal / tabor) for tabor in STARTS]
     else:
-        quick = "modulus" in problem.free and (tabulated(given) or problem.limit)
+        quick = "modulus" in problem.free and (given.interaction is None or tabulated(given) or problem.limit)
         contacts += [replace(contact, modulus=contact.modulus * f) for f in (FACTORS if quick else (1.0,))]
     low, high = problem.bounds()
     inside = 1e-6 * np.minimum(high - low, 1.0)

@@ -41,8 +41,9 @@ def fit_figure(fit: Fit) -> Figure:
         below.set_ylabel("Residual (nN)")
         below.set_xlabel("Piezo position (nm)")
         handles = [handle("approach", color=BLUE), handle("retraction", color=ORANGE)]
-        handles += [handle("jump measured", color="black", marker="x", linestyle="none")]
-        handles += [handle("fitted", color="black", marker="+", linestyle="none")]
+        if fit.jumps:
+            handles += [handle("jump measured", color="black", marker="x", linestyle="none")]
+            handles += [handle("fitted", color="black", marker="+", linestyle="none")]
         look = {"ncols": 4, "columnspacing": 1.0, "handlelength": 1.4, "title_fontsize": rcParams["legend.fontsize"]}
         said = "" if fit.status == "complete" else "did not converge"
         figure.legend(handles=handles, loc="outside upper center", title=said, **look)
