@@ -124,7 +124,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     if adhesive and -lowest < allowed:
         raise InputError(
             f"curve: no adhesion: the force stays above {lowest:.3g} nN of its baseline, and the noise is "
-            f"{noise:.3g} nN; work of adhesion and range cannot be found from it; fit a contact without interaction (Hertz' theory)"
+            f"{noise:.3g} nN; work of adhesion and range cannot be found from it; fit a contact without interaction "
+            "(Hertz' theory)"
         )
     if _gains(curve, force, allowed):
         raise InputError(
