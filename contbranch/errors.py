@@ -1,4 +1,4 @@
-"""The errors that contbranch raises on purpose, what is said of names that are not known, and of numbers of things."""
+"""Errors that contbranch raises on purpose, warnings, what is said of names that are not known, numbers of things."""
 
 from __future__ import annotations
 
@@ -18,6 +18,17 @@ class Stop(Exception):
 
 class ModelError(RuntimeError):
     """A computation could not deliver what was asked for; the message says what was reached and why it stopped."""
+
+
+def warned(text: str, category: type[Warning] = UserWarning) -> None:
+    """Warn of the line of the user's from which the package was called."""
+    import sys
+    import warnings
+
+    frame, level = sys._getframe(), 1
+    while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in ("contbranch", "numpy"):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, category, stacklevel=level)
 
 
 def number_of(count: int, one: str, many: str = "") -> str:

@@ -130,3 +130,10 @@ def test_a_followed_curve_of_a_law_that_is_not_at_hand_is_shown(tmp_path):
     assert "tabor" in str(bare)
     bare.to_csv(tmp_path / "bare.csv")
     assert (tmp_path / "bare.csv").read_text().splitlines()[0].startswith("tabor")
+
+
+def test_warnings_name_the_line_that_was_written():
+    """Not one of the package, which is not where anything is to be mended."""
+    with pytest.warns(UserWarning, match="is taken in nm") as told:
+        cb.Contact.physical(radius=1e-6, modulus=5.0, interaction="gauss", work_of_adhesion=0.04, range=1.0)
+    assert [one.filename for one in told] == [__file__]

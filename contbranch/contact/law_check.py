@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from contbranch.contact.interaction_law import Evaluated, Interaction, Response, places_of, terms_of
 from contbranch.contact.interactions import INTERACTIONS
-from contbranch.errors import InputError
+from contbranch.errors import InputError, warned
 
 # Gaps in ranges, and the distance over which differences are taken.
 GAPS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.2, 3.3, 5.0)
@@ -65,11 +63,11 @@ def _check_values(law: Interaction, name: str, found: list[tuple[float, Response
     if len(spoiled) == len(found):
         raise InputError(f"{name}: is finite at none of the gaps {', '.join(map(str, GAPS))} (in ranges)")
     if spoiled:
-        warnings.warn(f"{name}: is not finite at gaps of {', '.join(f'{x:g}' for x in spoiled)} ranges", stacklevel=2)
+        warned(f"{name}: is not finite at gaps of {', '.join(f'{x:g}' for x in spoiled)} ranges")
     unit = [float(answer.energy[2]) / -law.work_of_adhesion for x, answer in found if x == 0.0 and x not in spoiled]
     if unit and not isinstance(law, Evaluated) and abs(unit[0] - 1.0) > UNIT:
         text = f"{name}: f(0) is {unit[0]:.6g}, documented as 1: so many times the work of adhesion given are gained"
-        warnings.warn(text, stacklevel=2)
+        warned(text)
 
 
 @np.errstate(all="ignore")  # what is not finite is told apart

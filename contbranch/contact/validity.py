@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.contact.interaction_law import places_of, terms_of
 from contbranch.contact.tips import Parabola
+from contbranch.errors import warned
 
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
@@ -45,7 +45,7 @@ def warn_of_units(contact: Contact) -> None:
     """Warn of numbers in nm and nN that look like metres and pascals, and of lengths in nm among reduced ones."""
     if not contact.units.physical:
         if getattr(contact.tip, "in_nm", False):
-            _warn(
+            warned(
                 "tip: a unit of length makes the numbers of its map nm, and the contact has reduced units; make it "
                 "with cb.Contact.physical, or give the map cell= and unit= as numbers"
             )
@@ -54,22 +54,18 @@ def warn_of_units(contact: Contact) -> None:
         for field, dimension in part.dimensions.items():
             value = getattr(part, field)
             if dimension == "length" and isinstance(value, float) and 0.0 < value < SHORTEST:
-                _warn(f"{name}.{field}: {value:g} is taken in nm; write '{value:g} m' if that is meant")
+                warned(f"{name}.{field}: {value:g} is taken in nm; write '{value:g} m' if that is meant")
     if contact.modulus < SOFTEST:
-        _warn(
+        warned(
             f"modulus: {1e9 * contact.modulus:.3g} Pa is softer than any solid; mPa is a millipascal, a million is MPa"
         )
     works = [(name, getattr(part, "work_of_adhesion", 0.0)) for name, part in _named(contact)]
     for name, work in works:
         if isinstance(work, float) and abs(work) > STRONGEST:
-            _warn(f"{name}.work_of_adhesion: {work:g} N/m is more than any surface has; write mN/m if that is meant")
+            warned(f"{name}.work_of_adhesion: {work:g} N/m is more than any surface has; write mN/m if that is meant")
     if contact.modulus > STIFFEST:
         value = f"{contact.modulus:g}"
-        _warn(f"modulus: {value} is taken in nN/nm² = GPa, and diamond has 1100; write '{value} Pa' if that is meant")
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, stacklevel=5)
+        warned(f"modulus: {value} is taken in nN/nm² = GPa, and diamond has 1100; write '{value} Pa' if that is meant")
 
 
 @np.errstate(all="ignore")  # so far out numbers may overflow, and then decay fast enough

@@ -12,7 +12,6 @@ import math
 import re
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, fields, replace
@@ -24,7 +23,7 @@ import numpy as np
 
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.text import as_path
-from contbranch.errors import InputError, ModelError
+from contbranch.errors import InputError, ModelError, warned
 from contbranch.output import files
 from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
 from contbranch.results.advice import Advice, Candidate
@@ -184,7 +183,7 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | Pha
             kind = _kind_of(file, path)
             if not verified:
                 text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified"
-                warnings.warn(f"{text}; save it again", stacklevel=2)
+                warned(f"{text}; save it again")
             found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file), file.get("tip"))
     except InputError:
         raise
@@ -193,7 +192,7 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | Pha
         raise InputError(f"path: '{path}' is damaged ({reason}); write it again") from None
     if found.contact is None:
         text = f"'{path}': the contact has a tip or law that is not at hand; import its class first, or do without"
-        warnings.warn(text, stacklevel=2)
+        warned(text)
     return found
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import itertools
 import math
 import os
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +19,7 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
-from contbranch.errors import InputError
+from contbranch.errors import InputError, warned
 from contbranch.grid_size import LEAST_GRID
 
 from .lattice import Lattice
@@ -253,4 +252,4 @@ def rounded_up(value: float) -> str:
 def warn(message: str) -> None:
     """Issue a warning about a grid, if there is anything to say."""
     if message:
-        warnings.warn(message, GridWarning, stacklevel=2)
+        warned(message, GridWarning)
