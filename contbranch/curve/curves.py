@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.find import disconnected
 from contbranch.curve.outcome import RawCurve, no_curve, state_in_units
@@ -37,6 +39,9 @@ BEYOND, EXTENSIONS = 1e-3, 3
 FINE, BESIDE = 1e-9, 3e-6
 # A curve goes on beyond a value asked for by this share.
 PAST = 1e-9
+# Curves on which states were looked for that are kept, since the next state asked for is often one of the same contact.
+RECENT = 2
+_recent: dict[tuple[Any, ...], Track] = {}
 
 
 class Model(Protocol):
@@ -147,6 +152,23 @@ class FollowedCurves:
         problem = self.problem(request)
         return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
 
+    def recent(self, request: Request, tolerance: float | None = None) -> Track:
+        """The same, not followed anew if it was among the last ones.
+
+        What is done with it leaves no trace: numbers do not depend on what was asked before.
+        """
+        parts = (self.model, self.contact.tip, *terms_of(self.contact.interaction))
+        if not all(type(part).__module__.startswith("contbranch.") for part in parts):  # others need not stay the same
+            return self.track(request, tolerance)
+        key = (self.model, self.reduced, request, tolerance)
+        track = _recent.pop(key, None) or self.track(request, tolerance)
+        if over():
+            return track
+        _recent[key] = track
+        for old in list(_recent)[:-RECENT]:
+            _recent.pop(old, None)
+        return deepcopy(track, {id(control): control for control in (LOAD, DISPLACEMENT)})
+
     def solve(self, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
         """Equilibria on the curve with a load, displacement or contact radius, in order along it.
 
@@ -223,16 +245,16 @@ class FollowedCurves:
         if control is None and not 0 < value < self.reduced.axisymmetric_tip.extent:
             raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
         request = replace(request, events=False, modes=0)
-        track = self.track(request)
+        track = self.recent(request)
         if track.complete and not over() and value > track.column(field)[-1]:
             request = replace(request, target=value + PAST * abs(value), held=control)
-            track = self.track(request)
+            track = self.recent(request)
         folds = (m.point.observables[field] for m in track.marks if m.kind == "fold" and m.control == control)
         beside = any(abs(fold - value) <= BESIDE * max(1.0, abs(value)) for fold in folds)
         if beside and request.accuracy < BESIDE and not over():
             problem, tolerance = self.problem(request), max(FINE, request.accuracy) / ROW_SAFETY
             if problem.rows_within(tolerance) is not problem:
-                track = self.track(request, tolerance)
+                track = self.recent(request, tolerance)
         return track, crossings(track, field, value, request.accuracy)
 
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch.curve import curves
+from contbranch.curve.trace import trace
 
 LAWS = [cb.VanDerWaals(-1.0, 1.0), cb.Exponential(1.0, 0.5), cb.Gauss(-1.0, 2.0)]
 
@@ -68,3 +70,51 @@ def test_between_touch_and_the_narrowest_contact_that_is_followed_the_radius_may
         wide, narrow = (cb.solve(contact, load=touch.load * (1 + share), accuracy=accuracy) for share in (1e-2, 3e-5))
         grown = wide.contact_radius * (narrow.load - touch.load) / (wide.load - touch.load)
         assert abs(narrow.contact_radius - grown) <= narrow.error["contact_radius"] + 0.1 * grown
+
+
+class Changing(cb.Interaction):
+    """A law of the user's whose strength may be set anew."""
+
+    strength = 1.0
+
+    def shape(self, x):
+        fall = self.strength * np.exp(-x)
+        return fall, -fall, fall
+
+
+def test_a_curve_is_not_followed_again_for_the_next_state_asked_for(monkeypatch):
+    """What was asked before changes no bit of what is found; a law of the user's may change, and its curve is new."""
+    followed = []
+
+    def counted(problem, request):
+        followed.append(request)
+        return trace(problem, request)
+
+    monkeypatch.setattr(curves, "trace", counted)
+    monkeypatch.setattr(curves, "_recent", {})
+    contact = cb.Contact.reduced(cb.Gauss, 1.0, -1)
+    alone = cb.solve(contact, load=3.0)
+    between = cb.find_all(contact, load=4.0)
+    again = cb.solve(contact, load=3.0)
+    assert len(followed) == 1
+    assert len(between) > 0
+    assert [(s.displacement, s.energy, s.error) for s in again.states] == [
+        (s.displacement, s.energy, s.error) for s in alone.states
+    ]
+    cb.solve(contact, load=3.0, accuracy=1e-5)
+    assert len(followed) == 2
+    own = cb.Contact(cb.Parabola(1.0), Changing(-1.0, 1.0))
+    weak = cb.solve(own, load=1.0)
+    monkeypatch.setattr(Changing, "strength", 1.0001)
+    assert cb.solve(own, load=1.0).displacement != weak.displacement
+
+
+def test_a_curve_that_was_not_finished_is_not_kept(monkeypatch):
+    monkeypatch.setattr(curves, "_recent", {})
+    contact = cb.Contact.reduced(cb.Gauss, 1.0, -1)
+
+    def stop(fraction, text):
+        raise cb.Stop
+
+    assert cb.solve(contact, load=3.0, progress=stop).status == "incomplete"
+    assert cb.solve(contact, load=3.0).status == "complete"
