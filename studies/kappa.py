@@ -132,6 +132,7 @@ class NormalForm:
         return self.crossover * relative
 
 
+@cache
 def place(case: Case, tabor: float) -> tuple[Side, float]:
     """The side in contact on a mesh made for the fold or the touch, and the contact radius there."""
     contact = cb.Contact.reduced(case.law, tabor=tabor, sign=case.sign)
@@ -243,7 +244,10 @@ def local_exponent(name: str, tabor: float) -> LocalExponent:
             error = SUMMED
         rows.append((excess, moved, excess / (moved * here.load_slope), error))
         further = RATIO * moved
-        excess += side.rise(radius + moved, radius + further, 3)
+        if rows[-1][3] == SUMMED:
+            excess += side.rise(radius + moved, radius + further, 3)
+        else:  # only whether to go on depends on it
+            excess *= RATIO ** (1.0 / rows[-1][2])
         moved = further
     table = np.array(rows)
     return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 2] * table[:, 3])

@@ -79,7 +79,7 @@ def test_what_a_coarse_mesh_adds_is_no_equilibrium(contact, displacement, accura
     """Coarse meshes of the search hold steep fronts back, and do not end where a cap does; their states are no others,
     nor are those that differ by their errors. As many as the curve passes are there."""
     found = cb.find_all(contact, displacement=displacement, control="displacement", accuracy=accuracy)
-    branch = cb.trace(contact, "displacement", accuracy).branches[0]
+    branch = cb.trace(contact, "displacement", accuracy, modes=0).branches[0]
     passed = np.flatnonzero((branch.displacement[1:] > displacement) != (branch.displacement[:-1] > displacement))
     assert len(found) == count == len(passed) + (displacement < branch.displacement[0])
     assert all(state.error["load"] <= accuracy * max(1.0, abs(state.load)) for state in found)
@@ -141,9 +141,9 @@ def test_the_command_lists_all(capsys):
 
 def test_next_to_a_fold_rows_are_as_accurate_as_what_is_asked():
     """Two states meet at a fold; rows with an error larger than its distance would tell of neither, or of both."""
-    contact = cb.Contact(cb.PowerLaw(5.8, 1.0), cb.Layered(-1.0, 77.0, 246.0), 3.0)
+    contact = cb.Contact(cb.PowerLaw(5.8, 1.0), cb.Layered(-1.0, 77.0, 500.0), 1000.0)
     diagram = cb.trace(contact, accuracy=1e-9, modes=0)
-    fold = next(event for event in diagram.folds("load") if event.name == "pull-off-5")
+    fold = next(event for event in diagram.folds("load") if event.name == "pull-off-2")
     inside, outside = (cb.find_all(contact, load=fold.load + s, accuracy=1e-9).states for s in (2e-8, -2e-8))
     assert len(inside) == len(outside) + 2
     gaps = sorted(abs(state.central_gap - fold.central_gap) for state in inside)[:2]

@@ -53,14 +53,17 @@ OTHERS += (
     (3715, 31),
     (6034, 37),
 )
+# Of curves and their folds alone: azimuthal modes are counted in the others.
+WITHOUT_MODES = {(seed, number) for seed, number in OTHERS if seed > 500} | {(103, 38), (111, 14), (112, 8)}
 
 
 @pytest.mark.parametrize(("seed", "number"), [*((SEED, number) for number in NUMBERS), *OTHERS])
 def test_contact(seed, number):
     drawn = random_contacts.draw(seed, number)
+    modes = {"modes": 0} if (seed, number) in WITHOUT_MODES else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        diagram = cb.trace(drawn.contact, **drawn.asked)
+        diagram = cb.trace(drawn.contact, **drawn.asked, **modes)
     assert diagram.status == "complete", f"{drawn.words}: {diagram.message}"
     assert not list(random_contacts.violations(diagram)), drawn.words
 

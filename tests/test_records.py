@@ -16,50 +16,55 @@ import contbranch as cb
 from contbranch.output.hdf5 import load
 from contbranch.results.diagram import Event
 from contbranch.results.record import Record, columns
+from contbranch.watch import patient
 
 CELL = cb.Contact(cb.HeightMap(np.random.default_rng(0).normal(size=(16, 16)), 3.0), cb.Gauss(0.1, 0.5))
 RESTING = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0, sign=-1)
+PHYSICAL = cb.Contact.physical(
+    radius="1 um", modulus="5 GPa", interaction="gauss", work_of_adhesion="-40 mN/m", range="1 nm"
+)
+ATTRACTION = cb.Contact.reduced("exponential", tabor=2.0)
+EXACT = cb.Contact.reduced("maugis-dugdale", tabor=1.0)
+
+
+MAKERS = {
+    "diagram": lambda made: cb.trace(PHYSICAL, accuracy=1e-4),
+    "with a spring": lambda made: cb.trace(ATTRACTION, control=cb.Spring(2.0), accuracy=1e-4),
+    "exact diagram": lambda made: cb.trace(EXACT),
+    "rings": lambda made: cb.trace(RESTING, accuracy=1e-3, max_load=1.0),
+    "event": lambda made: made["diagram"].events[0],
+    "state": lambda made: made["diagram"].branches[0].state(3),
+    "solution": lambda made: cb.solve(PHYSICAL, load=265.0, accuracy=1e-4),
+    "on a grid": lambda made: cb.solve(CELL, load=1.0),
+    "exact solution": lambda made: cb.solve(EXACT, load=0.5),
+    "equilibria": lambda made: cb.find_all(PHYSICAL, load=265.0, accuracy=1e-4),
+    "loop": lambda made: cb.hysteresis(ATTRACTION, control=cb.Spring(2.0), accuracy=1e-4),
+    "exact loop": lambda made: cb.hysteresis(EXACT, control="displacement", accuracy=1e-4),
+    "followed": lambda made: cb.follow(pull_off(made["with a spring"]), vary="tabor", to=1.5, accuracy=1e-4),
+    "phase": lambda made: cb.phase_diagram(
+        cb.Contact.reduced("gauss", tabor=2.0, sign=-1), "tabor", (1.0, 2.0), samples=3, accuracy=1e-4
+    ),
+    "local exponent": lambda made: made["diagram"].local_exponent(next(made["diagram"].folds("load"))),
+}
+
+
+class Results(dict[str, Record]):
+    """A result of every kind, and of the models whose results hold what computes their parts, made when asked for."""
+
+    def __missing__(self, kind: str) -> Record:
+        return self.setdefault(kind, MAKERS[kind](self))
+
+
+def pull_off(diagram: cb.Diagram) -> Event:
+    return next(event for event in diagram.folds("load") if event.name == "pull-off")
 
 
 @pytest.fixture(scope="module")
-def results() -> dict[str, Record]:
-    """A result of every kind, and of the models whose results hold what computes their parts."""
-    physical = cb.Contact.physical(
-        radius="1 um", modulus="5 GPa", interaction="gauss", work_of_adhesion="-40 mN/m", range="1 nm"
-    )
-    attraction = cb.Contact.reduced("exponential", tabor=2.0)
-    exact = cb.Contact.reduced("maugis-dugdale", tabor=1.0)
-    diagram = cb.trace(physical)
-    traced = cb.trace(attraction, control=cb.Spring(2.0))
-    pull_off = next(event for event in traced.folds("load") if event.name == "pull-off")
-    return {
-        "diagram": diagram,
-        "with a spring": traced,
-        "exact diagram": cb.trace(exact),
-        "rings": cb.trace(RESTING, accuracy=1e-4),
-        "event": diagram.events[0],
-        "state": diagram.branches[0].state(3),
-        "solution": cb.solve(physical, load=265.0),
-        "on a grid": cb.solve(CELL, load=1.0),
-        "exact solution": cb.solve(exact, load=0.5),
-        "equilibria": cb.find_all(physical, load=265.0, accuracy=1e-4),
-        "loop": cb.hysteresis(attraction, control=cb.Spring(2.0), accuracy=1e-4),
-        "exact loop": cb.hysteresis(exact, control="displacement"),
-        "followed": cb.follow(pull_off, vary="tabor", to=1.5, accuracy=1e-4),
-        "phase": cb.phase_diagram(
-            cb.Contact.reduced("gauss", tabor=2.0, sign=-1), "tabor", (1.0, 2.0), samples=3, accuracy=1e-4
-        ),
-        "local exponent": diagram.local_exponent(next(diagram.folds("load"))),
-    }
+def results() -> Results:
+    return Results()
 
 
-KINDS = (
-    "rings", "diagram", "with a spring", "exact diagram", "event", "state", "solution", "on a grid", "exact solution",
-    "equilibria", "loop", "exact loop", "followed", "phase", "local exponent",
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MAKERS)
 def test_copies_are_equal(results: dict[str, Record], kind: str) -> None:
     result = results[kind]
     for other in (copy.copy(result), copy.deepcopy(result), pickle.loads(pickle.dumps(result))):
@@ -69,7 +74,7 @@ def test_copies_are_equal(results: dict[str, Record], kind: str) -> None:
         assert pickle.loads(pickle.dumps(other)) == result
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("event", "state", "local exponent")])
+@pytest.mark.parametrize("kind", [kind for kind in MAKERS if kind not in ("event", "state", "local exponent")])
 def test_documents_are_json_and_files_hold_them(results: dict[str, Record], kind: str, tmp_path: Path) -> None:
     result = results[kind]
     document = result.document()
@@ -96,6 +101,16 @@ def test_a_pickled_diagram_answers_what_the_traced_one_does(results: dict[str, R
     assert pickle.loads(pickle.dumps(loop)).area == loop.area
     grid = results["on a grid"]
     assert pickle.loads(pickle.dumps(grid)).cell == grid.cell
+
+
+def test_local_exponents_are_sampled_once_unless_that_has_ended_early() -> None:
+    diagram = cb.trace(PHYSICAL, accuracy=1e-4, modes=0)
+    fold = next(diagram.folds("load"))
+    with patient(0.0):
+        early = diagram.local_exponent(fold)
+    whole = diagram.local_exponent(fold)
+    assert len(early.kappa) < len(whole.kappa)
+    assert diagram.local_exponent(fold) is whole
 
 
 def test_what_was_pickled_says_that_it_cannot_be_solved_again(results: dict[str, Record]) -> None:

@@ -34,6 +34,7 @@ from contbranch.results.diagram import (
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import OBSERVABLES, Record, later
 from contbranch.threads import one_thread
+from contbranch.watch import over
 
 __all__ = [
     "RawCurve",
@@ -269,19 +270,27 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
     repulsive = signs_of(contact.interaction) == (False, True)
     told = threshold_events(events[: len(curve.events)], repulsive) if curve.complete or events else {}
 
+    sampled: dict[int, LocalExponent] = {}
+
     @one_thread
     def local_exponents(event: Event) -> LocalExponent:
-        raw = raws[events.index(event)]
+        number = events.index(event)
+        if number in sampled:
+            return sampled[number]
+        raw = raws[number]
         if raw.local_exponent is None:
             raise InputError(f"event: this {event.name or event.kind} has no exponent: it is a corner, or nodes' own")
-        found = raw.local_exponent()
+        raw_exponent = raw.local_exponent()
         parameter = "contact_radius" if raw.values[2] > 0 or raw.kind == "touch" else "central_gap"
-        return LocalExponent(
-            found.excess * _driven(scales, raw.control),
-            found.order_parameter * scales.of_fields[parameter],
-            found.kappa,
-            found.error,
+        found = LocalExponent(
+            raw_exponent.excess * _driven(scales, raw.control),
+            raw_exponent.order_parameter * scales.of_fields[parameter],
+            raw_exponent.kappa,
+            raw_exponent.error,
         )
+        if not over():  # what has ended early is sampled again
+            sampled[number] = found
+        return found
 
     return Diagram(
         contact=contact,

@@ -71,13 +71,14 @@ def make(fast: bool = False) -> Result:
                 axes.plot(at, [steepest(solved(law, t, 0.0)) for t in at], MARKS[law], **style, **filled)
         axes.set(xscale="log", xlabel=TABOR, ylabel=RADIUS, ylim=(1.6, 3.3))
         axes.legend(loc="upper left")
-    low, high = np.array([2.0**-14, 2.0**-12]), np.array([8.0, 32.0] if fast else [16.0, 32.0])
+    low, high = np.array([2.0**-14, 2.0**-12]), np.array([16.0, 32.0])
+    necks = np.array([8.0, 16.0]) if fast else high
     soft = {law: exponent(np.array([zero_load(law, t)[0] for t in low]), DMT_RADIUS, low) for law in LAW_COLOURS}
     stiff = {
         law: exponent(np.array([zero_load(law, t)[0] for t in high]), JKR_RADIUS, high)
         for law in ("exponential", "Maugis-Dugdale")
     }
-    flat = {law: exponent(np.array([steepest(solved(law, t, 0.0)) for t in high]), JKR_RADIUS, high) for law in FLAT}
+    flat = {law: exponent(np.array([steepest(solved(law, t, 0.0)) for t in necks]), JKR_RADIUS, necks) for law in FLAT}
     unit = np.cbrt(3.0 * np.pi / 4.0)
     first = (zero_load("Maugis-Dugdale", 1e-5)[0] - DMT_RADIUS) / 1e-5
     findings = [
@@ -123,7 +124,7 @@ def make(fast: bool = False) -> Result:
             "Conclusions",
             "where the gap is steepest, exponents "
             + ", ".join(f"{value:.2f} ({law})" for law, value in flat.items())
-            + f" between $\\mu_T$ = {high[0]:g} and {high[1]:g}; where it closes, no convergence",
+            + f" between $\\mu_T$ = {necks[0]:g} and {necks[1]:g}; where it closes, no convergence",
             all(abs(value + 1.0) < 0.1 for value in flat.values()),
             "not confirmed: lattices of 512 nodes do not resolve the front, which is $1/\\mu_T^2$ wide",
         ),
