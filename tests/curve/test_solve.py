@@ -73,13 +73,13 @@ def test_between_touch_and_the_narrowest_contact_that_is_followed_the_radius_may
 
 
 class Changing(cb.Interaction):
-    """A law of the user's whose strength may be set anew."""
+    """A law of the user's whose shape may be set anew."""
 
-    strength = 1.0
+    decay = 1.0
 
     def shape(self, x):
-        fall = self.strength * np.exp(-x)
-        return fall, -fall, fall
+        fall = np.exp(-self.decay * x)
+        return fall, -self.decay * fall, self.decay**2 * fall
 
 
 def test_a_curve_is_not_followed_again_for_the_next_state_asked_for(monkeypatch):
@@ -105,7 +105,7 @@ def test_a_curve_is_not_followed_again_for_the_next_state_asked_for(monkeypatch)
     assert len(followed) == 2
     own = cb.Contact(cb.Parabola(1.0), Changing(-1.0, 1.0))
     weak = cb.solve(own, load=1.0)
-    monkeypatch.setattr(Changing, "strength", 1.0001)
+    monkeypatch.setattr(Changing, "decay", 1.01)
     assert cb.solve(own, load=1.0).displacement != weak.displacement
 
 
