@@ -39,8 +39,9 @@ BEYOND, EXTENSIONS = 1e-3, 3
 FINE, BESIDE = 1e-9, 3e-6
 # A curve goes on beyond a value asked for by this share.
 PAST = 1e-9
-# Curves on which states were looked for that are kept, since the next state asked for is often one of the same contact.
-RECENT = 2
+# Curves on which states were looked for that are kept, since the next state asked for is often one of the same contact,
+# and rows above which they take too much memory for that.
+RECENT, LONGEST = 2, 300
 _recent: dict[tuple[Any, ...], Track] = {}
 
 
@@ -162,7 +163,7 @@ class FollowedCurves:
             return self.track(request, tolerance)
         key = (self.model, self.reduced, request, tolerance)
         track = _recent.pop(key, None) or self.track(request, tolerance)
-        if over():
+        if over() or len(track.points) > LONGEST:
             return track
         _recent[key] = track
         for old in list(_recent)[:-RECENT]:
