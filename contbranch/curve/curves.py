@@ -163,7 +163,7 @@ class FollowedCurves:
             return self.track(request, tolerance)
         key = (self.model, self.reduced, request, tolerance)
         track = _recent.pop(key, None) or self.track(request, tolerance)
-        if over() or len(track.points) > LONGEST:
+        if over() or not 0 < len(track.points) < LONGEST or track.problem(0).given:  # grids take too much memory, too
             return track
         _recent[key] = track
         for old in list(_recent)[:-RECENT]:
