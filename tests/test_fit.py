@@ -259,6 +259,8 @@ def test_a_contact_without_interaction_is_that_of_hertz_and_sneddon(tip):
     assert found.errors["modulus"] < 0.1 * bare.modulus
     with pytest.raises(cb.InputError, match="law: the contact has no interaction"):
         cb.fit(curve, bare, "modulus", law="compare")
+    with pytest.raises(cb.ModelError, match="at the edge of the tip"):
+        cb.fit(curve, replace(bare, tip=cb.SphericalCap(3.0), modulus=1e-4), ())
 
 
 def test_laws_are_compared(curve):

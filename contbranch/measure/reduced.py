@@ -139,14 +139,17 @@ def _bare(contact: Contact, largest: float) -> Curve:
     def load(a: Array) -> Array:
         return 2.0 * contact.modulus * (a * tip.transform(a) - tip.transform_integral(a))
 
+    largest = max(largest, 1e-300)
     while load(np.array([0.5 * most]))[0] > largest:
         most *= 0.5
-    while load(np.array([most]))[0] < largest:
-        if most == tip.extent:
-            raise ModelError("the curve of the contact ends before the largest load, at the edge of the tip")
+    while load(np.array([most]))[0] < largest and most < tip.extent:
         most = min(2.0 * most, tip.extent)
-    a *= most
-    return Curve(np.append(0.0, load(a)), np.append(-_FAR, tip.transform(a)))
+    with np.errstate(all="ignore"):  # at the edge of a sphere they are infinite
+        force, displacement = load(a * most), tip.transform(a * most)
+    known = np.isfinite(force) & np.isfinite(displacement)
+    if force[known][-1] < largest:
+        raise ModelError("the curve of the contact ends before the largest load, at the edge of the tip")
+    return Curve(np.append(0.0, force[known]), np.append(-_FAR, displacement[known]))
 
 
 def _maugis(tabor: float, top: float) -> Curve:
