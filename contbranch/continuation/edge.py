@@ -115,7 +115,7 @@ def closes(segment: Segment, start: Point, options: Options) -> Point | None:
     offset = metric.dot(problem, start.x - x, start.parameter - p, *row)
     x, p = x + offset * row[0], p + offset * row[1]
     try:
-        point, _ = corrected_point(problem, x, p, row, metric, options)
+        point, _ = corrected_point(problem, (x, p), row, metric, options)
     except CorrectionError:
         return None
     apart = metric.norm(problem, point.x - start.x, point.parameter - start.parameter)

@@ -101,7 +101,7 @@ def _beside(branch_point: BranchPoint, along: Direction, metric: Metric, options
     for step in LEAVING:
         x, p = here.x + step * u, here.parameter + step * a
         try:
-            point, bordered = corrected_point(problem, x, p, (u, a), metric, options)
+            point, bordered = corrected_point(problem, (x, p), (u, a), metric, options)
             if metric.norm(problem, point.x - x, point.parameter - p) <= allowed * step:
                 return annotated(replace(point, determinant_sign=bordered.determinant_sign()))
         except CorrectionError:

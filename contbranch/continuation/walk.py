@@ -61,25 +61,30 @@ def examined(point: Point, label: str | None = None) -> Point:
 
 
 def corrected_point(
-    problem: Problem,
-    x: Array,
-    p: float,
-    direction: Direction,
-    metric: Metric,
-    options: Options,
-    bordered: Bordered | None = None,
+    problem: Problem, near: Direction, along: Direction, metric: Metric, options: Options, kept: Bordered | None = None
 ) -> tuple[Point, Bordered]:
     """Correct (x, p) precisely in the plane normal to a direction; return the point and its bordered matrix.
 
-    The matrix of another point in a plane normal to the same direction saves one where it serves, see `correct`.
+    The matrix kept of another point in a plane normal to the same direction saves one where it serves, see `correct`.
     """
-    return _in_plane(problem, (x, p), direction, metric, options, True, bordered)
+    corrected = correct(problem, near, _normal(problem, along, metric), metric, options, True, kept)
+    return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
 
 def point_on(segment: Segment, theta: float, options: Options, precise: bool = True) -> tuple[Point, Bordered]:
     """Return the point of the curve at the fraction θ of a segment, and its bordered matrix."""
-    direction = segment.direction(theta)
-    return _in_plane(segment.begin.problem, segment.at(theta), direction, segment.metric, options, precise)
+    problem, metric = segment.begin.problem, segment.metric
+    row = _normal(problem, segment.direction(theta), metric)
+    corrected = correct(problem, segment.at(theta), row, metric, options, precise)
+    return to_point(problem, corrected, metric, sign=False), corrected.bordered
+
+
+def _normal(problem: Problem, direction: Direction, metric: Metric) -> Direction:
+    """The border of the plane normal to a direction; CorrectionError if that has no length."""
+    size = metric.norm(problem, *direction)
+    if not (size > 0 and math.isfinite(size)):
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
+    return metric.row(problem, *metric.unit(problem, *direction))
 
 
 class Across:
@@ -96,25 +101,8 @@ class Across:
         """The point at the fraction θ of the segment."""
         segment = self.segment
         problem, metric, near = segment.begin.problem, segment.metric, segment.at(theta)
-        point, self.bordered = corrected_point(problem, *near, self.direction, metric, self.options, self.bordered)
+        point, self.bordered = corrected_point(problem, near, self.direction, metric, self.options, self.bordered)
         return point
-
-
-def _in_plane(
-    problem: Problem,
-    near: Direction,
-    direction: Direction,
-    metric: Metric,
-    options: Options,
-    precise: bool,
-    bordered: Bordered | None = None,
-) -> tuple[Point, Bordered]:
-    size = metric.norm(problem, *direction)
-    if not (size > 0 and math.isfinite(size)):
-        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
-    row = metric.row(problem, *metric.unit(problem, *direction))
-    corrected = correct(problem, near, row, metric, options, precise, bordered)
-    return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
 
 # Below this parameter component (in the metric) the sign of dp/ds does not orient a tangent reliably.

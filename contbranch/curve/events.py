@@ -187,7 +187,7 @@ class Ceiling(Event):
                 break
             ahead = point.x + step * point.tangent_x, point.parameter + step * point.tangent_parameter
             direction = point.tangent_x, point.tangent_parameter
-            point = corrected_point(point.problem, *ahead, direction, segment.metric, options)[0]
+            point = corrected_point(point.problem, ahead, direction, segment.metric, options)[0]
             if abs(step) < CLOSE * segment.length:  # the next one would be about the square of that
                 return point if abs(self.value(point)) < CLOSE * max(1.0, abs(self.target)) else None
         return None

@@ -205,7 +205,7 @@ class _Line:
         if self.upright:
             p = self.origin.parameter + place
             direction = np.zeros_like(x), math.copysign(1.0, self.origin.tangent_parameter)
-        point, self.matrix = corrected_point(self.problem, x, p, direction, self.metric, OPTIONS, self.matrix)
+        point, self.matrix = corrected_point(self.problem, (x, p), direction, self.metric, OPTIONS, self.matrix)
         return replace(point, parameter=p) if self.upright else point
 
     def towards(self, place: float, step: float, near: Point) -> tuple[float, Point]:

@@ -285,7 +285,7 @@ def _solved(point: Point, held: bool) -> tuple[Array, float, Bordered]:
     for _ in range(CORRECTIONS):  # by the same matrix: they are tiny
         dx, dp = solve(matrix, -left, 0.0, p)
         if metric.norm(problem, dx, dp) > CLOSE:
-            exact, _ = corrected_point(problem, x, p, along, metric, OPTIONS)
+            exact, _ = corrected_point(problem, (x, p), along, metric, OPTIONS)
             x, p = exact.x, exact.parameter
             return x, p, border(problem, x, p, linearise(problem, x, p), row)
         x, p = x + dx, p + dp

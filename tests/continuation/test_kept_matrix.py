@@ -57,11 +57,11 @@ def test_matrix_of_a_point_close_by(aside, matrices):
     """It serves for a point and its tangent as far as Newton's method contracts by it, and else its own one does."""
     problem, metric, options = Multiplies(), Metric(1.0, 1.0), Options(tolerance=1e-13)
     direction = np.ones(N) / np.sqrt(N), 0.5
-    first, matrix = corrected_point(problem, 0.4 * problem.b, 0.5, direction, metric, options)
+    first, matrix = corrected_point(problem, (0.4 * problem.b, 0.5), direction, metric, options)
     near = first.x + aside * first.tangent_x, first.parameter + aside * first.tangent_parameter
-    own, _ = corrected_point(problem, *near, direction, metric, options)
+    own, _ = corrected_point(problem, near, direction, metric, options)
     problem.matrices = 0
-    kept, _ = corrected_point(problem, *near, direction, metric, options, matrix)
+    kept, _ = corrected_point(problem, near, direction, metric, options, matrix)
     assert (problem.matrices > 0) == (matrices > 0)
     assert kept.parameter == pytest.approx(own.parameter, rel=1e-13)
     np.testing.assert_allclose(kept.x, own.x, rtol=1e-12, atol=1e-13)
