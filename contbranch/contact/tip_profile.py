@@ -243,7 +243,8 @@ class Profile(Tip):
         gap, moment = self._piece(r, a, angle)
         outside = self._spline.x[1:-1] > a
         knots, jumps = self._spline.x[1:-1][outside], self._jumps[outside] / 6.0
-        passed = r[..., None] > knots
+        far = np.asarray(r > (_FAR * end if a < end else math.inf))
+        passed = (r[..., None] > knots) & ~far[..., None]
         with np.errstate(divide="ignore"):
             x = 0.5 * (1.0 - (knots / r[..., None])[passed])
         second, third = np.zeros((2, *passed.shape))
@@ -251,8 +252,7 @@ class Profile(Tip):
         cubes = (r2 * r) * (third @ jumps)
         gap = np.asarray(gap + cubes)
         moment = np.asarray(moment + 3.0 * (cubes + r2 * (second @ (jumps * knots))))
-        far = np.asarray(r > _FAR * end)
-        if a < end and far.any():
+        if far.any():
             x, w = gauss_rule()
             begins = np.append(a, knots[:-1])[:, None]
             t, weights = (begins + (knots[:, None] - begins) * x).ravel(), ((knots[:, None] - begins) * w).ravel()

@@ -188,6 +188,7 @@ class Equations:
         self.rim_row = np.zeros(self.mesh.size)
         self.rim_row[: self.mesh.order] = self.mesh.rule.rim
         self._rim: Rim | None = None
+        self._shape: tuple[Rim, tuple[Array, Array]] | None = None
         self._tail: _Tail | None = None
         self._recent: list[Fields] = []
 
@@ -206,12 +207,12 @@ class Equations:
 
     def touching(self, contact: bool) -> Equations:
         """The same contact on the same mesh, with or without a disc."""
-        return replace(self, contact=contact)
+        return self if contact == self.contact else replace(self, contact=contact)
 
     def forget(self) -> None:
         """Drop what has been kept to save work, matrices mostly; it is made again when it is asked for."""
         self._recent = []
-        self._rim = None
+        self._rim = self._shape = None
         self.__dict__.pop("finer", None)
         self.mesh.forget()
 
@@ -230,7 +231,7 @@ class Equations:
                 return known
         rim = self.rim(y)
         rim_value = float(self.rim_row @ h)
-        shape, shape_slope = self.tip.shape_gap(self.mesh.nodes, rim.radius)
+        shape, shape_slope = self._shape_gap(rim)
         gap = rim.bent(h - rim_value) + shape
         if not self.contact:
             gap = gap - y
@@ -244,6 +245,12 @@ class Equations:
         fields.derived["shape_slope"] = shape_slope
         self._recent = [fields, *self._recent[: RECENT - 1]]
         return fields
+
+    def _shape_gap(self, rim: Rim) -> tuple[Array, Array]:
+        """The gap around a rim without interaction, and its slope (the last ones are kept)."""
+        if self._shape is None or self._shape[0] is not rim:
+            self._shape = rim, self.tip.shape_gap(self.mesh.nodes, rim.radius)
+        return self._shape[1]
 
     # -- linearisation ------------------------------------------------------------------------------------------------
     def response(self, fields: Fields) -> Array:

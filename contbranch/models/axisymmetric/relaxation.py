@@ -36,7 +36,11 @@ NUDGE = 1e-4
 # allowed, and allowed past a stable state, whose basin a longer step might leap over.
 AIM, LARGEST, PASSING = 0.05, 0.15, 0.01
 FIRST_STEP, LONGEST, SHORTEST = 0.1, 1e14, 1e-6
+# Largest factor from one step to the next, and by how much it grows again where a step failed.
+GROWTH, RECOVERY = 3.0, 1.3
 STEPS, NEWTON = 2000, 20
+# Newton's method is given up where its corrections have not halved for so many: a shorter step costs less than luck.
+PATIENCE = 4
 # The control is pushed on by so much more where the flow does not leave the fold; it has arrived at a state so close in
 # u.
 PUSHES, ARRIVED = (1.0, 10.0, 100.0), 0.1
@@ -109,7 +113,7 @@ class Release:
         """
         state = _State(self.equations, self.h, self.y)
         share, held = self._held(state, push)
-        step, rate = FIRST_STEP, 0.0
+        step, rate, growth = FIRST_STEP, 0.0, GROWTH
         for _ in range(STEPS):
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by a shorter step
                 state = _remeshed(state, share)
@@ -117,8 +121,8 @@ class Release:
             moved = math.inf if found is None else _moved(found.y, state.y, self.scale)
             passed = found is not None and any((y - state.y) * (y - found.y) < 0.0 for y in others)
             if found is None or moved > (PASSING if passed else LARGEST):
-                step /= 3.0
-                rate = 0.0
+                step /= GROWTH
+                rate, growth = 0.0, 1.0
                 if step < SHORTEST:
                     break
                 continue
@@ -128,8 +132,8 @@ class Release:
                 break
             if step >= LONGEST:
                 return state.y
-            step *= min(3.0, max(0.5, AIM / max(moved, 1e-12)))
-            step = min(step, LONGEST)
+            step = min(step * min(growth, max(0.5, AIM / max(moved, 1e-12))), LONGEST)
+            growth = min(GROWTH, RECOVERY * growth)
         return None
 
     def _held(self, state: _State, push: float) -> tuple[float, _Held]:
@@ -219,16 +223,18 @@ def _newton(state: _State, equations: Equations, y: float, s: float, held: _Held
     def before(at: float) -> Array:
         return state.profile(np.hypot(tau, radius(at)))
 
-    h = before(y)
+    h = old = before(y)
     n = equations.mesh.size
     floor = 0.0 if equations.contact else -math.inf
-    last = math.inf
+    last = smallest = math.inf
+    waited = 0
     for _ in range(NEWTON):
         check()
         fields = equations.fields(h, y)
         if not fields.finite:
             return None
-        old = before(y)
+        if equations.contact:
+            old = before(y)
         load, displacement = equations.load(fields), equations.displacement(fields)
         residual = fields.residual + s * (h - old)
         felt = load + s * (load - state.load) + held.drag * s * (displacement - state.displacement)
@@ -254,7 +260,9 @@ def _newton(state: _State, equations: Equations, y: float, s: float, held: _Held
             return None
         deformed, moved = magnitude(change[:n]), abs(float(change[n]))
         size = deformed + moved
-        if size > 1e3 * max(1.0, last):
+        halved = size < 0.5 * smallest
+        smallest, waited = (size, 0) if halved else (smallest, waited + 1)
+        if size > 1e3 * max(1.0, last) or waited >= PATIENCE:
             return None
         last = size
         h, y = h + change[:n], y + float(change[n])
