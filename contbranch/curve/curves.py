@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -218,11 +218,11 @@ class FollowedCurves:
     def path(self, request: Request) -> Route:
         """The quasi-static path under a control."""
         control, tolerance = request.control, max(FINE, request.accuracy) / ROW_SAFETY
-        request = replace(request, modes=0)
+        request, landings = replace(request, modes=0), dict[Hashable, int | None]()
         for _ in range(EXTENSIONS):
             track = self.track(request, tolerance)
             curve = raw_curve(track, request)
-            walk = CurveWalk(track, curve.events, control, request.accuracy)
+            walk = CurveWalk(track, curve.events, control, request.accuracy, landings=landings)
             legs, jumps = quasi_static(walk) if len(track.points) > 1 else ([], [])
             lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
             if not (lost and curve.complete) or walk.astray or over():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -46,6 +46,9 @@ class CurveWalk:
         Folds, and states after them, between which the relaxation was not followed and energies do not decide.
     astray : list of (Stop, State)
         Folds from which the relaxation ends in a state that is not on the curve, and that state.
+    landings : dict
+        Which of several states relaxations have reached, by the numbers of them all: on the same curve, too, where that
+        was not followed as far.
     """
 
     track: Track
@@ -54,6 +57,7 @@ class CurveWalk:
     accuracy: float
     notes: list[tuple[Stop, Stop]] = field(default_factory=list)
     astray: list[tuple[Stop, State]] = field(default_factory=list)
+    landings: dict[Hashable, int | None] = field(default_factory=dict, repr=False)
     _crossings: dict[tuple[int, float], Stop] = field(default_factory=dict, init=False, repr=False)
     _between: dict[tuple[int, int, int], list[State]] = field(default_factory=dict, init=False, repr=False)
 
@@ -232,8 +236,11 @@ class CurveWalk:
             direction = 1 if self.rising[max(fold.row - 1, 0)] > 0 else -1
             guarded = not all(problem.relaxes_to(equilibrium(point)) for point in self.track.points)
             places = [stop.place for stop in alike]
+            numbers = (guarded, *(values_of(place) for place in (fold.place, *places)))
             try:
-                reached = problem.relaxed(fold.place, self.control, direction, places, guarded)
+                if numbers not in self.landings:
+                    self.landings[numbers] = problem.relaxed(fold.place, self.control, direction, places, guarded)
+                reached = self.landings[numbers]
             except AstrayError as astray:
                 self.astray.append((fold, astray.state))
                 return None
