@@ -149,7 +149,7 @@ def test_a_new_front_does_not_turn_the_curve_round():
     def enough(fraction, text):
         if text not in said[-1:]:  # what was said last is said again now and then, as the clock has it
             said.append(text)
-        if text.startswith("load") and len(said) > 80:
+        if text.startswith("load") and len(said) > 60:
             raise cb.Stop
 
     contact = cb.Contact(cb.PowerLaw(6.0, 1.0), cb.VanDerWaals(-1.0, 1 / 16))
