@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from contbranch.contact.contact import Contact
 from contbranch.control import LOAD, Control
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.rows import raw_curve
 from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.models.axisymmetric import Axisymmetric
+
+
+def tracked(contact: Contact, accuracy: float) -> Track:
+    """Rows of a reduced contact's curve without its modes, and without what is made of them: events are not located."""
+    return trace(Axisymmetric().problem(contact, accuracy), Request(accuracy, modes=0))
 
 
 class Followed:

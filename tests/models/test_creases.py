@@ -158,12 +158,11 @@ def test_a_row_whose_creases_the_last_mesh_cannot_hold_is_joined_on_its_own():
     gaps = np.linspace(0.0, 8.0, 9) * 0.241
     energies = np.array(cb.VanDerWaals(1.0, 0.241).evaluate(gaps).energy)
     contact = cb.Contact(cb.SphericalCap(3.471), cb.Tabulated(tuple(gaps), tuple(energies)))
-    for displacement, load in ((1.019, -2.0), (1.377, 0.0)):
-        (state,) = (s for s in cb.solve(contact, load=load).states if s.contact_radius > 1.5)
-        assert state.displacement == pytest.approx(displacement, abs=1e-3)
-        # A Maxwell relation that knows nothing of meshes: dV = F dd, between the two.
-        work = cb.solve(contact, displacement=state.displacement + 1e-4).energy - state.energy
-        assert work == pytest.approx(1e-4 * load, abs=1e-6)
+    (state,) = (s for s in cb.solve(contact, load=-2.0).states if s.contact_radius > 1.5)
+    assert state.displacement == pytest.approx(1.019, abs=1e-3)
+    # A Maxwell relation that knows nothing of meshes: dV = F dd, between the two.
+    work = cb.solve(contact, displacement=state.displacement + 1e-4).energy - state.energy
+    assert work == pytest.approx(1e-4 * -2.0, abs=1e-6)
 
 
 def test_the_end_of_a_mesh_stays_where_it_is():
@@ -174,11 +173,3 @@ def test_the_end_of_a_mesh_stays_where_it_is():
     assert edges[0, 0] == edges[0, -1] == 0.0
     assert np.interp(2.9, EDGES, edges[0]) > 0.1
     assert moved_with(mesh, edges, np.array([0.01])).edges[-1] == EDGES[-1]
-
-
-def test_a_film_that_is_squeezed_out_next_to_the_edge_of_a_cap():
-    """Its creases come as close to the edge as they are wide."""
-    contact = cb.Contact(cb.SphericalCap(24.243), cb.Gauss(-1.0, 0.12537773))
-    diagram = cb.trace(contact, cb.Spring(0.32308), accuracy=1e-8, modes=0)
-    assert diagram.status == "complete", diagram.message
-    str(diagram)  # errors of its rows, on finer meshes

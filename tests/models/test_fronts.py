@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from followed import Followed
+from followed import tracked
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT
@@ -19,23 +19,37 @@ PULL_OFF, TOUCH = -1.5 * math.pi, -4.0 / 3.0 * math.pi
 LAW = {cb.Gauss: ((0.209, 0.254), (0.276, 0.58)), cb.VanDerWaals: ((0.362, 0.060), (0.475, 0.26))}
 
 
-@pytest.mark.parametrize("law", LAW)
-@pytest.mark.parametrize("tabor", [24.0, 96.0])
+@pytest.mark.parametrize(("law", "tabor"), [(cb.Gauss, 32.0), (cb.VanDerWaals, 96.0)])
 def test_limits_of_jkr(law, tabor):
-    diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor))
+    diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor), modes=0)
     assert diagram.status == "complete", diagram.message
+    assert_jkr_is_the_only_fold(diagram)
     assert len(diagram.branches[0].load) <= 130
     found = diagram.thresholds["pull_off_load"], diagram.thresholds["touch_load"]
     for value, limit, (slope, offset) in zip(found, (PULL_OFF, TOUCH), LAW[law], strict=True):
         excess = (value / limit - 1.0) * tabor**2
         assert excess == pytest.approx(slope * math.log(tabor) + offset, rel=0.03)
     assert max(max(event.error.values()) for event in diagram.events) < 5e-6
+    if (
+        law is cb.Gauss
+    ):  # a naive dense code without contact, whose nodes move with the front, at a Tabor coefficient 32
+        (touch,) = (event for event in diagram.events if event.kind == "touch")
+        assert touch.load == pytest.approx(-4.195077187, abs=1e-6)
+        assert touch.displacement == pytest.approx(-1.352008439, abs=3e-7)
+
+
+def assert_jkr_is_the_only_fold(diagram):
+    """Loads fall through the touch, far from the one load fold beyond it, JKR's pull-off: nothing is a fold there."""
+    folds = [fold for fold in diagram.folds("load") if fold.load < -1.0]
+    assert [fold.name for fold in folds] == ["pull-off"]
+    assert folds[0].load == pytest.approx(PULL_OFF, rel=2e-3)
 
 
 def test_very_stiff_attraction():
     """At μ_T = 500 the excess over JKR's limits is a hundred-thousandth; folds of both controls wind into contact."""
-    diagram = cb.trace(cb.Contact.reduced(cb.VanDerWaals, tabor=500.0))
+    diagram = cb.trace(cb.Contact.reduced(cb.VanDerWaals, tabor=500.0), modes=0)
     assert diagram.status == "complete", diagram.message
+    assert_jkr_is_the_only_fold(diagram)
     assert len(diagram.branches[0].load) <= 150
     for name, limit, (slope, offset) in zip(
         ("pull_off_load", "touch_load"), (PULL_OFF, TOUCH), LAW[cb.VanDerWaals], strict=True
@@ -50,8 +64,8 @@ def test_very_stiff_attraction():
 
 def test_meshes_end_where_rounding_begins():
     """What is asked below rounding is given some thousand unknowns, not as many as there are rounds for."""
-    track = Followed(cb.Contact.reduced(cb.Gauss, tabor=32.0, sign=-1), 1e-6, modes=0).track
-    for row in (25, 36, 47, 80):
+    track = tracked(cb.Contact.reduced(cb.Gauss, tabor=32.0, sign=-1), 1e-6)
+    for row in (25, 36, 80):
         point, problem = track.points[row], track.problem(row)
         sharper, x = problem.resolved(point.x, point.parameter, 0.0, 1000)
         assert problem.size < sharper.size < 2000
@@ -61,12 +75,13 @@ def test_meshes_end_where_rounding_begins():
 def test_rates_and_indices_of_moving_meshes():
     """Rates are the differences of what is computed, and every row has the index that its eigenvalues have.
 
-    On the way to contact load and displacement change by 1e-5 in all: what their rates leave out makes folds.
+    On the way to contact load and displacement change by 1e-5 in all: what their rates leave out makes folds. Every
+    third row is looked at.
     """
-    track = Followed(cb.Contact.reduced(cb.Gauss, tabor=290.0), 1e-6, modes=0).track
+    track = tracked(cb.Contact.reduced(cb.Gauss, tabor=290.0), 1e-6)
     held = track.hodograph.rows(DISPLACEMENT)
     moving = 0
-    for row, point in enumerate(track.points[:-1]):
+    for row, point in list(enumerate(track.points[:-1]))[::3]:
         problem, x, p = track.problem(row), point.x, point.parameter
         if {row, row - 1} & {mark.row for mark in track.marks}:
             continue
@@ -80,15 +95,7 @@ def test_rates_and_indices_of_moving_meshes():
         difference = (ahead - behind) / (2 * step)
         assert rates == pytest.approx(difference, abs=1e-3 * np.abs(difference).max())
         moving += problem.moves
-    assert moving > 20
-
-
-def test_published_touch():
-    """A naive dense code without contact, whose nodes move with the front: F = −4.195077187, d = −1.352008439."""
-    events = cb.trace(cb.Contact.reduced(cb.Gauss, tabor=32.0)).events
-    (touch,) = (event for event in events if event.kind == "touch")
-    assert touch.load == pytest.approx(-4.195077187, abs=1e-6)
-    assert touch.displacement == pytest.approx(-1.352008439, abs=3e-7)
+    assert moving > 15
 
 
 @pytest.mark.parametrize(
@@ -99,7 +106,7 @@ def test_published_touch():
 def test_limits_of_stiff_films(law, strongest, spreads):
     """A stiff film hardly changes Hertz's pressure, F = π³ p³/6: it is squeezed out and wets by that at its centre."""
     tabor = 40.0
-    diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor, sign=-1), modes=0)
+    diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor, sign=-1), accuracy=1e-4, modes=0)
     assert diagram.status == "complete", diagram.message
     assert len(diagram.branches[0].load) <= 130
     found = {fold.name: float(fold.load) for fold in diagram.folds("load")}
@@ -111,7 +118,7 @@ def test_limits_of_stiff_films(law, strongest, spreads):
 def test_films_under_cones_stay():
     """The pressure of a cone at its apex, ln(2c/ℓ)/2 with ℓ ~ 1/(2 μ_T²), reaches a law's largest, μ_T, at e^(4μ_T)."""
     laws = {tabor: cb.Exponential(-1.0, 1.0 / tabor) for tabor in (4.0, 5.0, 12.0)}
-    found = {tabor: cb.trace(cb.Contact(cb.Cone(1.0), law), accuracy=1e-4) for tabor, law in laws.items()}
+    found = {tabor: cb.trace(cb.Contact(cb.Cone(1.0), law), accuracy=1e-4, modes=0) for tabor, law in laws.items()}
     near, far = (found[tabor].thresholds["touch_load"] * tabor**4 / math.exp(4 * tabor) for tabor in (4.0, 5.0))
     assert near == pytest.approx(far, rel=0.1)
     stays, branch = found[12.0], found[12.0].branches[0]
@@ -121,18 +128,18 @@ def test_films_under_cones_stay():
     assert branch.load[-1] == pytest.approx(2 / math.pi * ridden**2, rel=0.2)
 
 
-@pytest.mark.parametrize("law", [cb.InverseSquare, cb.MaugisDugdale])
-def test_films_under_cones_with_rounded_apexes_stay(law):
+@pytest.mark.parametrize(
+    ("law", "tabor", "stays"),
+    [(cb.InverseSquare, 12.0, True), (cb.MaugisDugdale, 12.0, True), (cb.InverseSquare, 1.0, False)],
+)
+def test_films_under_cones_with_rounded_apexes_stay(law, tabor, stays):
     """A hyperboloid of slope 1 (radius 1): the pressure at its apex grows by 1/4 with every factor e of the load."""
     radii = np.linspace(0.0, 8.0, 40)
     hyperboloid = cb.Profile(tuple(radii), tuple(radii**2 / (1.0 + np.sqrt(1.0 + radii**2))))
-    stays, ends = (
-        cb.trace(cb.Contact(hyperboloid, law(-1.0, 1 / tabor)), accuracy=1e-3, modes=0) for tabor in (12.0, 1.0)
-    )
-    assert (stays.status, list(stays.folds()), ends.status) == ("complete", [], "complete")
-    assert "The film stays" in stays.message
-    assert "The film stays" not in ends.message
-    assert ends.branches[0].contact_radius[-1] > 0.0
+    diagram = cb.trace(cb.Contact(hyperboloid, law(-1.0, 1 / tabor)), accuracy=1e-3, modes=0)
+    assert (diagram.status, list(diagram.folds())) == ("complete", [])
+    assert ("The film stays" in diagram.message) is stays
+    assert (diagram.branches[0].contact_radius[-1] > 0.0) == (not stays)
 
 
 def test_a_new_front_does_not_turn_the_curve_round():
@@ -140,8 +147,9 @@ def test_a_new_front_does_not_turn_the_curve_round():
     said = []
 
     def enough(fraction, text):
-        said.append(text)
-        if text.startswith("load") and len(said) > 80:
+        if text not in said[-1:]:  # what was said last is said again now and then, as the clock has it
+            said.append(text)
+        if text.startswith("load") and len(said) > 60:
             raise cb.Stop
 
     contact = cb.Contact(cb.PowerLaw(6.0, 1.0), cb.VanDerWaals(-1.0, 1 / 16))
@@ -155,7 +163,7 @@ def test_a_new_front_does_not_turn_the_curve_round():
 
 def test_far_from_the_film_nothing_is_said_of_it():
     """Long before the tip is pressed upon the film the pressure below it is a power of the load."""
-    diagram = cb.trace(cb.Contact(cb.Cone(1.0), cb.InverseSquare(-1.0, 30.0)), accuracy=1e-4, max_load=5.0)
+    diagram = cb.trace(cb.Contact(cb.Cone(1.0), cb.InverseSquare(-1.0, 30.0)), accuracy=1e-4, max_load=5.0, modes=0)
     assert diagram.thresholds["touch_load"] > 5.0
 
 
@@ -168,14 +176,13 @@ def test_kink_under_cone():
             return left**2, -left, np.where(x < 2, 0.5, 0.0)
 
     tabor = 30.0
-    branch = cb.trace(cb.Contact(cb.Cone(1.0), Ramp(-1.0, 1 / tabor)), accuracy=1e-4).branches[0]
+    branch = cb.trace(cb.Contact(cb.Cone(1.0), Ramp(-1.0, 1 / tabor)), accuracy=1e-4, modes=0).branches[0]
     depth = 2 / tabor + branch.displacement
     early = (depth > 0.0) & (depth < 0.02 / tabor)
     assert branch.load[early] == pytest.approx(math.pi / 6 * tabor**2 * depth[early] ** 3, rel=0.05, abs=1e-9)
 
 
-@pytest.mark.parametrize("exponent", [1.5, 1.7, 1.999])
-@pytest.mark.parametrize(("tabor", "allowed"), [(10.0, 0.05), (40.0, 0.004)])
+@pytest.mark.parametrize(("exponent", "tabor", "allowed"), [(1.5, 10.0, 0.05), (1.999, 40.0, 0.004)])
 def test_touch_under_power_laws(exponent, tabor, allowed):
     """A stiff film that does not soften bears the pressure of a bare contact, with its p(0) at the centre.
 
@@ -183,22 +190,12 @@ def test_touch_under_power_laws(exponent, tabor, allowed):
     """
     tip = cb.PowerLaw(exponent, 1.0)
     range_ = tip.reduced_scales(1.0)[1] / tabor
-    diagram = cb.trace(cb.Contact(tip, cb.Exponential(-1.0, range_), 1.0), accuracy=1e-4)
+    diagram = cb.trace(cb.Contact(tip, cb.Exponential(-1.0, range_), 1.0), accuracy=1e-4, modes=0)
     assert diagram.status == "complete", diagram.message
     k = float(tip.transform(np.float64(1.0)))
     radius = (math.pi / range_ * (exponent - 1) / (k * exponent)) ** (1 / (exponent - 1))
     bare = 2 * k * exponent * radius ** (exponent + 1) / (exponent + 1)
     assert 0.0 < diagram.thresholds["touch_load"] / bare - 1.0 < allowed
-
-
-@pytest.mark.parametrize("tabor", [96.0, 256.0])
-def test_nothing_is_a_fold_where_the_load_falls_through_touch(tabor):
-    """Under stiff attraction loads fall through the touch, far from the one load fold beyond it, JKR's pull-off."""
-    diagram = cb.trace(cb.Contact.reduced(cb.VanDerWaals, tabor=tabor), modes=0)
-    folds = [fold for fold in diagram.folds("load") if fold.load < -1.0]
-    assert diagram.status == "complete", diagram.message
-    assert [fold.name for fold in folds] == ["pull-off"]
-    assert folds[0].load == pytest.approx(PULL_OFF, rel=1e-3)
 
 
 def test_a_film_under_a_bump_is_squeezed_out_on_a_ring():

@@ -13,29 +13,28 @@ from contbranch.models.rings.meshing import pieces
 from contbranch.models.rings.panels import Grid
 from contbranch.models.rings.problem import RingProblem
 
-# Films that are squeezed out on a ring, which closes to a disc.
-CONTACTS = [
-    cb.Contact(cb.PowerLaw(3.5, 1.0), cb.Exponential(-1.0, 8.0), 1.0),
-    cb.Contact(cb.PowerLaw(4.0, 1.0), cb.Gauss(1.0, 10.0), 1.0),
-]
+# A film that is squeezed out on a ring, which closes to a disc.
+CONTACT = cb.Contact(cb.PowerLaw(3.5, 1.0), cb.Exponential(-1.0, 8.0), 1.0)
+
+
+@pytest.fixture(scope="module")
+def diagram():
+    return cb.trace(CONTACT, accuracy=1e-7, modes=0)
 
 
 def by(event):
     return type(event.origin.raw.place.problem)
 
 
-@pytest.mark.parametrize("contact", CONTACTS)
-def test_a_ring_closes_to_the_same_disc_in_both_models(contact, monkeypatch):
-    diagram = cb.trace(contact, accuracy=1e-7)
+def test_a_ring_closes_to_the_same_disc_in_both_models(diagram, monkeypatch):
     monkeypatch.setattr(changes, "handed", lambda point: None)
-    free = cb.trace(contact, accuracy=1e-7)
+    free = cb.trace(CONTACT, accuracy=1e-7, modes=0)
     assert diagram.status == "complete", diagram.message
     first, closing = (event for event in diagram.events if event.kind == "topology")
     assert (by(first), by(closing), by(diagram.events[-1])) == (RingProblem, ContactProblem, ContactProblem)
     assert by(free.events[-1]) is RingProblem
     assert "closes to a disc" in closing.message
-    known = [event for event in free.events if event.kind != "symmetry"]
-    for one, other in zip((e for e in diagram.events if e.kind != "symmetry"), known, strict=True):
+    for one, other in zip(diagram.events, free.events, strict=True):
         assert (one.kind, one.control) == (other.kind, other.control)
         for name in ("load", "displacement", "contact_radius", "central_gap"):
             allowed = one.error[name] + other.error[name]
@@ -52,9 +51,8 @@ def test_the_pressure_in_the_middle_of_a_disc_without_interaction():
         assert peak_pressure(reduced, a) == pytest.approx(whole / np.pi, rel=1e-10)
 
 
-def test_no_front_where_the_gap_falls():
+def test_no_front_where_the_gap_falls(diagram):
     """A front that wandered over the thinnest place of a film would turn its curve round."""
-    diagram = cb.trace(CONTACTS[0], accuracy=1e-6)
     point = next(event for event in diagram.events if event.kind == "topology").origin.raw.place
     problem = point.problem
     fields = problem.fields(point.x, point.parameter)
@@ -77,15 +75,12 @@ def test_a_load_that_turns_where_a_ring_opens_turns_there():
     """Load and displacement rest at the opening of a ring: the fold in that corner is the event of the opening."""
     law = cb.Exponential(-0.709, 4.070950854001363) + cb.InverseSquare(0.291, 4.51061354623351)
     contact = cb.Contact(cb.PowerLaw(4.774, 1.0), law)
-    coarse, fine = (cb.trace(contact, accuracy=accuracy, max_load=10.0) for accuracy in (1e-4, 1e-7))
-    for diagram in (coarse, fine):
-        assert diagram.status == "complete"
-        opening = next(event for event in diagram.events if event.kind == "topology")
-        (fold,) = (event for event in diagram.folds("load") if event.name == "wetting")
-        assert (fold.load, fold.displacement) == (opening.load, opening.displacement)
-        assert (
-            opening.load
-            <= diagram.branches[0].load[diagram.branches[0].contact_radius > 0.0].min() + fold.error["load"]
-        )
-    off = abs(coarse.thresholds["wetting_load"] - fine.thresholds["wetting_load"])
-    assert off <= 3e-7 + 3e-10
+    diagram = cb.trace(contact, accuracy=1e-4, max_load=2.0, modes=0)
+    branch = diagram.branches[0]
+    assert diagram.status == "complete"
+    opening = next(event for event in diagram.events if event.kind == "topology")
+    (fold,) = (event for event in diagram.folds("load") if event.name == "wetting")
+    assert (fold.load, fold.displacement) == (opening.load, opening.displacement)
+    assert opening.load <= branch.load[branch.contact_radius > 0.0].min() + fold.error["load"]
+    finer = 0.7677151961310  # of a trace at 1e-7
+    assert abs(diagram.thresholds["wetting_load"] - finer) <= 3e-7 + 3e-10
