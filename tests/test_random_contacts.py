@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import contbranch as cb
+from contbranch.curve.curves import FollowedCurves
 
 ROOT = Path(__file__).parents[1]
 if str(ROOT) not in sys.path:
@@ -55,6 +56,19 @@ OTHERS += (
 )
 # Of curves and their folds alone: azimuthal modes are counted in the others.
 WITHOUT_MODES = {(seed, number) for seed, number in OTHERS if seed > 500} | {(103, 38), (111, 14), (112, 8)}
+
+
+@pytest.fixture(autouse=True)
+def _followed_once(monkeypatch):
+    """Where work is integrated along a curve it is the one traced, not the same followed anew."""
+    follow, followed = FollowedCurves.track, {}
+
+    def kept(curves, request, tolerance=None):
+        followed[curves.contact] = follow(curves, request, tolerance)
+        return followed[curves.contact]
+
+    monkeypatch.setattr(FollowedCurves, "track", kept)
+    monkeypatch.setattr(random_contacts, "_track", lambda contact, request: followed[contact])
 
 
 @pytest.mark.parametrize(("seed", "number"), [*((SEED, number) for number in NUMBERS), *OTHERS])
