@@ -234,12 +234,14 @@ def local_exponent(name: str, tabor: float) -> LocalExponent:
     excess = side.rise(radius, radius + moved)
     rows = []
     while excess < largest:
-        if side.error(radius + moved) > ALLOWED:
+        wrong = side.error(radius + moved)
+        if wrong > ALLOWED:
             side = side.remeshed(radius + moved, 0.03 * ALLOWED)
+            wrong = side.error(radius + moved)
         here = side.at(radius + moved)
         if excess > DIRECT * max(1.0, abs(start.load)):
             excess = here.load - start.load
-            error = 3 * side.error(radius + moved) * max(1.0, abs(here.load)) / excess
+            error = 3 * wrong * max(1.0, abs(here.load)) / excess
         else:
             error = SUMMED
         rows.append((excess, moved, excess / (moved * here.load_slope), error))

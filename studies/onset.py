@@ -164,7 +164,7 @@ def critical_tabor(pressure: float) -> tuple[float, float]:
 
 def folds(contact: cb.Contact, accuracy: float = 1e-9) -> int:
     """Number of load folds of a contact, by an ordinary trace."""
-    return len(list(cb.trace(contact, accuracy=accuracy).folds("load")))
+    return len(list(cb.trace(contact, accuracy=accuracy, modes=0).folds("load")))
 
 
 # Tables and figure

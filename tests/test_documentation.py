@@ -33,7 +33,7 @@ def blocks(page: Path) -> list[tuple[str, str]]:
 def fit_for_force_curves(folder: Path) -> None:
     """A curve and where its fit starts, under the names that the page gives them."""
     contact = cb.Contact.physical(
-        radius="2 um", modulus="100 MPa", interaction="exponential", work_of_adhesion="30 mN/m", range="1 nm"
+        radius="2 um", modulus="100 MPa", interaction="maugis-dugdale", work_of_adhesion="30 mN/m", range="1 nm"
     )
     loop = cb.hysteresis(contact, control=cb.Spring("0.5 N/m"), accuracy=1e-4, max_load=200.0)
     top = loop.path.position.max()
@@ -47,7 +47,7 @@ def fit_for_force_curves(folder: Path) -> None:
     (folder / "curve.csv").write_text("\n".join(lines), encoding="utf-8")
     (folder / "contact.toml").write_text(
         '[tip]\nshape = "parabola"\nradius = "2 um"\n[material]\nmodulus = "100 MPa"\n'
-        '[[interaction]]\nlaw = "exponential"\nwork_of_adhesion = "30 mN/m"\nrange = "1 nm"\n',
+        '[[interaction]]\nlaw = "maugis-dugdale"\nwork_of_adhesion = "30 mN/m"\nrange = "1 nm"\n',
         encoding="utf-8",
     )
 

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import ClassVar
 
@@ -36,9 +37,15 @@ def dlvo(amplitude: float) -> cb.Contact:
 
 def event(contact, name, control="load", accuracy=1e-9) -> cb.Event:
     """The event of a name ("touch" for first touch) in a trace."""
-    found = cb.trace(contact, control=control, accuracy=accuracy).events
+    found = traced(contact, control, accuracy).events
     kind = control if isinstance(control, str) else "spring"
     return next(e for e in found if (e.kind == name) or (e.name == name and e.control == kind))
+
+
+@cache
+def traced(contact, control="load", accuracy=1e-6) -> cb.Diagram:
+    """A trace without what only a loss of symmetry is asked for."""
+    return cb.trace(contact, control=control, accuracy=accuracy, modes=0)
 
 
 def agrees(point, other, tolerance):
@@ -58,7 +65,7 @@ def agrees(point, other, tolerance):
 @pytest.mark.parametrize(
     ("family", "start", "name", "control", "vary", "values"),
     [
-        (gauss, 3.0, "squeeze-out", "load", "tabor", (2.7, 1.3, 0.8)),
+        (gauss, 3.0, "squeeze-out", "load", "tabor", (1.3, 0.8)),
         (gauss, 2.0, "wetting", cb.Spring(3.0), "tabor", (1.7, 1.1)),
         (gauss, 1.0, "touch", "load", "tabor", (1.9,)),
         (
@@ -138,7 +145,7 @@ def test_coexistence_of_a_mixed_repulsion_ends_at_first_touch_by_three_routes():
         assert one.load == pytest.approx(ends[0].load, abs=1e-8)
     assert max(one.error[one.parameter] for one in ends) < 1e-8
     # Both folds exist on one side and none on the other, by separate traces.
-    beyond = [sum(1 for _ in cb.trace(mixed(ends[0].value + d)).folds("load")) for d in (-1e-3, 1e-3)]
+    beyond = [sum(1 for _ in traced(mixed(ends[0].value + d)).folds("load")) for d in (-1e-3, 1e-3)]
     assert beyond == [0, 2]
     # Past the cusp the curve is that of the other fold, back to where it began.
     assert squeeze.curve["contact_radius"][0] == 0.0
@@ -146,7 +153,7 @@ def test_coexistence_of_a_mixed_repulsion_ends_at_first_touch_by_three_routes():
 
 
 def test_two_folds_without_contact_merge_in_a_smooth_cusp():
-    found = cb.trace(dlvo(-1.5), accuracy=1e-7)
+    found = traced(dlvo(-1.5), accuracy=1e-7)
     ends = []
     for name in ("squeeze-out", "wetting"):
         fold = next(e for e in found.folds("displacement") if e.name == name)
@@ -158,7 +165,7 @@ def test_two_folds_without_contact_merge_in_a_smooth_cusp():
     assert ends[0].contact_radius == 0.0
     assert ends[0].central_gap > 0.1
     beside = [-1e-3, *np.geomspace(1e-3, 1e-5, 5)]
-    folds = [sum(1 for _ in cb.trace(dlvo(ends[0].value + d)).folds("displacement")) for d in beside]
+    folds = [sum(1 for _ in traced(dlvo(ends[0].value + d)).folds("displacement")) for d in beside]
     assert folds == [0, 2, 2, 2, 2, 2]
 
 
@@ -203,9 +210,8 @@ def test_the_exact_model_follows_in_physical_units():
 @pytest.mark.parametrize("law", [cb.MaugisDugdale, cb.Exponential])
 def test_the_fold_of_a_spring_leads_from_that_of_the_load_to_that_of_the_displacement(law):
     contact = cb.Contact.reduced(law, tabor=2.5)
-    folds = {control: event(contact, "pull-off", control) for control in ("load", "displacement")}
-    spring = event(contact, "pull-off", cb.Spring(2.0))
-    followed = cb.follow(spring, "stiffness", to=(0.0, math.inf), accuracy=1e-9)
+    folds = {e.control: e for e in traced(contact, cb.Spring(2.0), 1e-9).folds() if e.name == "pull-off"}
+    followed = cb.follow(folds["spring"], "stiffness", to=(0.0, math.inf), accuracy=1e-9)
     assert [one.kind for one in followed.special] == ["load-fold", "displacement-fold"]
     assert [followed.curve["stiffness"][k] for k in (0, -1)] == [0.0, math.inf]
     for k, control in ((0, "load"), (-1, "displacement")):
@@ -216,14 +222,12 @@ def test_the_fold_of_a_spring_leads_from_that_of_the_load_to_that_of_the_displac
 
 def test_folds_of_a_spring_merge_at_first_touch_or_leave_to_infinity():
     contact = cb.Contact.reduced(cb.Exponential, tabor=4.0)
-    found = cb.trace(contact, control=cb.Spring(3.0), accuracy=1e-9)
+    found = traced(contact, cb.Spring(3.0), 1e-9)
     inner = next(e for e in found.folds("spring") if e.name is None)
     followed = cb.follow(inner, "stiffness", to=(0.0, 100.0))
     merged = next(one for one in followed.special if one.kind == "cusp-at-touch")
     # Both inner folds are there with a softer spring, and gone with a stiffer one.
-    counts = [
-        sum(1 for _ in cb.trace(contact, control=cb.Spring(merged.value * s)).folds("spring")) for s in (0.98, 1.02)
-    ]
+    counts = [sum(1 for _ in traced(contact, cb.Spring(merged.value * s)).folds("spring")) for s in (0.98, 1.02)]
     assert counts == [4, 2]
     jump = next(e for e in found.folds("spring") if e.name == "jump-in")
     (left,) = cb.follow(jump, "stiffness", to=0.0).special
@@ -250,9 +254,9 @@ def test_a_loss_of_symmetry_is_that_of_separate_traces_and_ends_in_a_turning_poi
         return cb.Contact(cb.PowerLaw(3.0, 1.0), cb.Gauss(-1.0, reach))
 
     def losses(reach):
-        return [e for e in cb.trace(contact(reach), accuracy=1e-8).events if e.kind == "symmetry" and e.mode == 2]
+        return [e for e in cb.trace(contact(reach), modes=2).events if e.kind == "symmetry" and e.mode == 2]
 
-    followed = cb.follow(losses(0.44)[0], "interaction.range", to=0.47, accuracy=1e-8)
+    followed = cb.follow(losses(0.445)[0], "interaction.range", to=0.465)
     turn = next(one for one in followed.special if one.kind == "cusp")
     found = followed.at(0.45)
     assert len(found) == 2
@@ -289,7 +293,7 @@ def test_what_cannot_be_varied_is_named(vary, to, settings, message):
         cb.follow(found, vary, to=to, **settings)
 
 
-TABOR_ONE = [e for e in cb.trace(gauss(1.0), accuracy=1e-3).events if e.kind == "fold"]
+TABOR_ONE = [e for e in cb.trace(gauss(1.0), accuracy=1e-3, modes=0).events if e.kind == "fold"]
 
 
 def test_only_folds_and_touches_of_a_trace_can_be_followed():
@@ -343,7 +347,7 @@ def test_regions_of_a_phase_diagram_are_those_of_single_solutions():
 
 
 def test_a_phase_diagram_finds_folds_that_the_present_contact_does_not_have(tmp_path):
-    phase = cb.phase_diagram(mixed(0.5), "share", (0.5, 0.95), "load", samples=4, accuracy=1e-5)
+    phase = cb.phase_diagram(mixed(0.5), "share", (0.5, 0.95), "load", samples=3, accuracy=1e-5)
     assert phase.status == "complete"
     assert {one.kind for one in phase.special} == {"cusp-at-touch", "fold-through-touch"}
     assert repr(phase).endswith(
@@ -436,7 +440,7 @@ def test_the_command_complains_in_one_line(options, message, capsys):
 
 
 def test_events_of_a_ring_cannot_be_followed_and_the_message_says_why():
-    diagram = cb.trace(cb.Contact.reduced("maugis-dugdale", 1.0, -1))
+    diagram = traced(cb.Contact.reduced("maugis-dugdale", 1.0, -1), accuracy=1e-3)
     touch = next(event for event in diagram.events if event.kind == "touch")
     with pytest.raises(cb.InputError, match="not a disc"):
         cb.follow(touch, vary="tabor", to=2.0)
@@ -471,11 +475,11 @@ class Ramp(cb.Interaction):
 def test_a_jump_in_where_the_interaction_begins_does_not_leave():
     """Its load is a millionth there, which is not that of infinite separation."""
     contact = cb.Contact(cb.Parabola(1.0), Ramp(1.0, 0.0464843), 3.0)
-    jump = cb.trace(contact).events[0]
+    jump = traced(contact).events[0]
     assert jump.name == "jump-in"
     followed = cb.follow(jump, vary="tip.radius", to=1.3)
     assert followed.status == "complete"
     assert not followed.special
-    there = cb.trace(replace(contact, tip=cb.Parabola(1.3))).events[0]
+    there = traced(replace(contact, tip=cb.Parabola(1.3))).events[0]
     assert followed.curve["displacement"][-1] == pytest.approx(there.displacement, abs=1e-7)
     assert followed.curve["load"][-1] == pytest.approx(there.load, abs=1e-8)

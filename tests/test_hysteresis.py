@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -53,12 +54,16 @@ CASES = [
 ]
 
 
+@cache
+def loop_of(law, tabor, sign, control):
+    return cb.hysteresis(cb.Contact.reduced(law, tabor, sign), as_python(control), accuracy=1e-9)
+
+
 @pytest.mark.parametrize(("law", "tabor", "sign", "control", "jumps"), CASES)
 def test_energy_lost_is_the_area_between_the_branches(law, tabor, sign, control, jumps):
     """dV/dd = F along the curve, so both agree; the areas are integrated along the unstable parts (jumps) and along the
     stable ones (loop)."""
-    contact = cb.Contact.reduced(law, tabor, sign)
-    loop = cb.hysteresis(contact, as_python(control), accuracy=1e-9)
+    loop = loop_of(law, tabor, sign, control)
     assert loop.closed
     assert len(loop.jumps) == jumps
     for jump in loop.jumps:
@@ -103,8 +108,8 @@ def test_a_loop_closes_however_small_it_is():
 def test_jumps_keep_the_control_and_go_from_a_fold_to_a_stable_state(law, tabor, sign, control, jumps):
     contact = cb.Contact.reduced(law, tabor, sign)
     driven = as_control(as_python(control))
-    loop = cb.hysteresis(contact, as_python(control))
-    folds = {e.name: e for e in cb.trace(contact, as_python(control)).folds(driven.kind)}
+    loop = loop_of(law, tabor, sign, control)
+    folds = {e.name: e for e in cb.trace(contact, as_python(control), modes=0).folds(driven.kind)}
     for jump in loop.jumps:
         fold = folds[jump.name]
         assert jump.start.load == pytest.approx(fold.load, abs=2e-6 * max(1.0, abs(fold.load)))
@@ -178,7 +183,7 @@ def test_relaxation_goes_to_the_next_layer_and_not_to_the_lowest_state():
 
 @pytest.mark.parametrize(
     ("law", "tabor", "sign", "control"),
-    [("gauss", 1.0, -1, "displacement"), ("exponential", 2.0, 1, "displacement"), ("gauss", 2.0, -1, "spring:1")],
+    [("exponential", 1.0, 1, "displacement"), ("gauss", 1.0, -1, "displacement")],
 )
 def test_relaxation_ends_where_energies_say_it_must(law, tabor, sign, control):
     """Where only one stable state is lower than the fold the relaxation has no choice; it is followed all the same."""

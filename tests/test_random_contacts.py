@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import contbranch as cb
+from contbranch.curve.curves import FollowedCurves
 
 ROOT = Path(__file__).parents[1]
 if str(ROOT) not in sys.path:
@@ -17,26 +18,25 @@ if str(ROOT) not in sys.path:
 from studies import random_contacts  # noqa: E402
 
 SEED = 3
-# Every kind of tip and law, control and accuracy; contacts that begin on a ring, films that reach an edge.
-NUMBERS = (1, 5, 6, 10, 11, 27, 35, 36, 49, 60, 76, 81, 94, 99, 103, 107, 117)
+# Every control and accuracy, and of tips and laws those that are not below; films that reach an edge.
+NUMBERS = (1, 5, 10, 11, 36, 60, 94, 103, 107, 117)
 
 
 # Contacts that begin on tiny rings or next to a fold, tables far beyond which a law is felt, tables that scatter, and
 # surfaces that come to rest far from one another. A table that ends where the law pulls hard, a coarse one in which
-# hardly any fold stands out, a mode that all but gives way. Laws with a kink, soft and stiff, on a parabola, a profile,
+# hardly any fold stands out, a mode that all but gives way. Laws with a kink, soft and stiff, on a parabola, a cone,
 # a cap; a tip like r^1.7, whose contact begins in a film that softens; a jump of the pressure behind which a ring is
 # filled. A cone that meets a law with a kink at its very tip; a ring that bears a thousandth of the film around it.
 # A fold that the curve passes twice, since its mesh is changed there. A stiff film that rounding changes more than a
-# tiny contact does. Pressures with a kink far out on a ring; a soft film of such a pressure; a fold that all but
-# coincides with first touch; a ring that grows in a film which is felt ever farther out; tables between whose rows
-# errors are, or through whose logarithms splines would swing.
+# tiny contact does. A soft film of a pressure with a kink; tables between whose rows errors are, or through whose
+# logarithms splines would swing. Rings with such kinks or in films that are felt ever farther out, and folds that all
+# but coincide with first touch, are in models/test_rings.py and test_flat_tips.py.
 OTHERS = ((6, 51), (6, 60), (22, 23), (22, 55), (23, 16), (31, 49))
 OTHERS += (
     (102, 9),
     (101, 3),
     (108, 16),
     (101, 13),
-    (101, 38),
     (104, 13),
     (112, 8),
     (103, 38),
@@ -46,15 +46,25 @@ OTHERS += (
     (983, 12),
     (983, 7),
     (2105, 5),
-    (3702, 11),
     (3707, 27),
-    (3708, 14),
-    (3703, 8),
     (3715, 31),
     (6034, 37),
 )
 # Of curves and their folds alone: azimuthal modes are counted in the others.
 WITHOUT_MODES = {(seed, number) for seed, number in OTHERS if seed > 500} | {(103, 38), (111, 14), (112, 8)}
+
+
+@pytest.fixture(autouse=True)
+def _followed_once(monkeypatch):
+    """Where work is integrated along a curve it is the one traced, not the same followed anew."""
+    follow, followed = FollowedCurves.track, {}
+
+    def kept(curves, request, tolerance=None):
+        followed[curves.contact] = follow(curves, request, tolerance)
+        return followed[curves.contact]
+
+    monkeypatch.setattr(FollowedCurves, "track", kept)
+    monkeypatch.setattr(random_contacts, "_track", lambda contact, request: followed[contact])
 
 
 @pytest.mark.parametrize(("seed", "number"), [*((SEED, number) for number in NUMBERS), *OTHERS])

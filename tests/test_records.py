@@ -41,9 +41,7 @@ MAKERS = {
     "loop": lambda made: cb.hysteresis(ATTRACTION, control=cb.Spring(2.0), accuracy=1e-4),
     "exact loop": lambda made: cb.hysteresis(EXACT, control="displacement", accuracy=1e-4),
     "followed": lambda made: cb.follow(pull_off(made["with a spring"]), vary="tabor", to=1.5, accuracy=1e-4),
-    "phase": lambda made: cb.phase_diagram(
-        cb.Contact.reduced("gauss", tabor=2.0, sign=-1), "tabor", (1.0, 2.0), samples=3, accuracy=1e-4
-    ),
+    "phase": lambda made: cb.phase_diagram(EXACT, "tabor", (0.5, 1.5), "displacement", samples=3, accuracy=1e-4),
     "local exponent": lambda made: made["diagram"].local_exponent(next(made["diagram"].folds("load"))),
 }
 

@@ -50,6 +50,9 @@ MARKS: Final = dict(zip(LAWS, "o-xs", strict=True))
 DMT_RADIUS, JKR_RADIUS = np.cbrt(1.5 * np.pi), np.cbrt(4.5 * np.pi)
 DMT_DISPLACEMENT, JKR_DISPLACEMENT = DMT_RADIUS**2, JKR_RADIUS**2 / 3.0
 
+# The largest load of Figures 16 to 18 and Table 1, to which fast modes trace each curve once for all of them.
+TOP = 500.0
+
 # axes labels
 LOAD = r"load $F_N/(R\,|\Delta\gamma|)$"
 RADIUS = r"contact radius $a_c/(R^2|\Delta\gamma|/E)^{1/3}$"
@@ -355,9 +358,9 @@ def gap_at(state: cb.State, r: Array) -> Array:
     return gap
 
 
-def crossing(function: Callable[[float], float], low: float, high: float) -> float:
+def crossing(function: Callable[[float], float], low: float, high: float, within: float = 1e-13) -> float:
     """The root of a function between two places."""
-    return float(brentq(function, low, high, xtol=1e-13, rtol=1e-12))
+    return float(brentq(function, low, high, xtol=within, rtol=1e-12))
 
 
 # Drawing and running

@@ -34,15 +34,16 @@ from studies.paper.fig09 import SIMULATED, exponent, tabors, zero_load
 HALF = 0.5 * (DMT_DISPLACEMENT + JKR_DISPLACEMENT)
 
 
-def half_way(law: str) -> float:
+def half_way(law: str, within: float = 1e-13) -> float:
     """The Tabor coefficient at which the displacement is half-way between DMT and JKR."""
-    return float(np.exp(crossing(lambda x: zero_load(law, float(np.exp(x)))[1] - HALF, np.log(0.02), np.log(4.0))))
+    low, high = np.log(0.02), np.log(4.0)
+    return float(np.exp(crossing(lambda x: zero_load(law, float(np.exp(x)))[1] - HALF, low, high, within)))
 
 
 def make(fast: bool = False) -> Result:
     """Draw the displacements over the Tabor coefficient in units of that at which they are half-way."""
     at = np.array(tabors(fast))
-    middle = {law: half_way(law) for law in LAWS}
+    middle = {law: half_way(law, 1e-2 if fast else 1e-13) for law in LAWS}
     fine = np.geomspace(2.0**-12, 2.0**7, 300)
     exact = np.array([zero_load("Maugis-Dugdale", float(t))[1] for t in fine])
     curve = make_interp_spline(np.log(fine / middle["Maugis-Dugdale"]), exact, k=3)

@@ -16,6 +16,7 @@ from studies.paper.common import (
     COLOURS,
     LOAD,
     RADIUS,
+    TOP,
     Result,
     Statement,
     branch,
@@ -27,7 +28,6 @@ from studies.paper.common import (
 )
 
 TABORS = (4.0, 1.0, 0.25)
-TOPS = {4.0: 500.0, 1.0: 500.0, 0.25: 500.0}
 
 
 def make(fast: bool = False) -> Result:
@@ -38,12 +38,12 @@ def make(fast: bool = False) -> Result:
             axes.plot(hertz.load, hertz.radius, color="0.6", lw=2.0, ls="--", label="DMT")
             for law, dashes in (("exponential", "-"), ("Gauss", (0, (5, 1.5)))):
                 for tabor in TABORS:
-                    found = branch(law, tabor, -1, TOPS[tabor])
+                    found = branch(law, tabor, -1, TOP)
                     label = rf"{law}, $\mu_T = {tabor:g}$"
                     draw_branch(
                         axes, found, "radius", color=COLOURS[tabor], linestyle=dashes, linewidth=1.2, label=label
                     )
-                    squeezed = traced(law, tabor, -1, TOPS[tabor]).thresholds["squeeze_out_load"]
+                    squeezed = traced(law, tabor, -1, TOP).thresholds["squeeze_out_load"]
                     if law == "Gauss" and low < squeezed < high and tabor > 0.5:
                         arrow = {"arrowstyle": "->", "color": COLOURS[tabor]}
                         reached = float(found.at_load(np.array([squeezed]))[0][0])
@@ -52,9 +52,9 @@ def make(fast: bool = False) -> Result:
         both[0].set_ylim(0.0, 2.2)
         both[1].set(xscale="log", ylim=(0.0, 6.5))
         both[1].legend(loc="upper left")
-    limits = {(law, t): traced(law, t, -1, TOPS[t]).thresholds for law in ("exponential", "Gauss") for t in TABORS}
+    limits = {(law, t): traced(law, t, -1, TOP).thresholds for law in ("exponential", "Gauss") for t in TABORS}
     gaps = {key: found["squeeze_out_load"] - found["wetting_load"] for key, found in limits.items()}
-    folds = {key: len(list(traced(*key, -1, TOPS[key[1]]).folds("load"))) for key in limits}
+    folds = {key: len(list(traced(*key, -1, TOP).folds("load"))) for key in limits}
     statements = [
         Statement(
             "in the exponential model the transition is continuous, $F_{sw} = F_{sq}$",

@@ -13,17 +13,18 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[2]))
 from studies.kappa import TABLE, WINDOWS, local_exponent, windowed
-from studies.paper.common import COLOURS, LOAD, RADIUS, Result, Statement, branch, draw_branch, panels, run, traced
+from studies.paper.common import COLOURS, LOAD, RADIUS, TOP, Result, Statement, branch, draw_branch, panels, run, traced
 
 TABORS = (1.0, 0.25)
 
 
 def make(fast: bool = False) -> Result:
     """Draw the Gauss model next to F_sw with our fit over a window and with the fit of Table 1."""
+    top = TOP if fast else 12.0
     with panels() as (figure, axes):
         found = {}
         for tabor in TABORS:
-            exact = branch("Gauss", tabor, -1, 12.0)
+            exact = branch("Gauss", tabor, -1, top)
             draw_branch(
                 axes,
                 exact,
@@ -33,7 +34,7 @@ def make(fast: bool = False) -> Result:
                 alpha=0.5,
                 label=rf"Gauss, $\mu_T = {tabor:g}$",
             )
-            limits = traced("Gauss", tabor, -1, 12.0).thresholds
+            limits = traced("Gauss", tabor, -1, top).thresholds
             start, least = limits["wetting_load"], limits["wetting_radius"]
             window = windowed(local_exponent("Gauss, wetting", tabor), *WINDOWS[1])
             load = np.linspace(0.0, 12.0 - start, 400)

@@ -13,28 +13,28 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[2]))
 from contbranch.output.smooth import smooth_path
-from studies.paper.common import COLOURS, DISPLACEMENT, LOAD, Array, Result, Statement, panels, run, solved, traced
+from studies.paper.common import COLOURS, DISPLACEMENT, LOAD, TOP, Array, Result, Statement, panels, run, solved, traced
 
 TABORS = (4.0, 1.0, 0.25)
 
 
-def film(law: str, tabor: float) -> tuple[Array, Array]:
+def film(law: str, tabor: float, top: float = 60.0) -> tuple[Array, Array]:
     """Load and displacement of a rigid tip without contact: d ≪ 0 there."""
-    rows = traced(law, tabor, -1, 60.0).branches[0]
+    rows = traced(law, tabor, -1, top).branches[0]
     kept = (rows.displacement < -2.0 / tabor) & (rows.load > 1e-4) & (rows.contact_radius == 0.0)
     return rows.load[kept], rows.displacement[kept]
 
 
-def decay(law: str, tabor: float) -> float:
+def decay(law: str, tabor: float, top: float = 60.0) -> float:
     """ζ μ_T of F ∝ exp(d/ζ) (exponential) or exp(−d²/ζ²) (Gauss), where the tip hovers far from touch."""
-    load, d = film(law, tabor)
+    load, d = film(law, tabor, top)
     slope = np.polyfit(d if law == "exponential" else d**2, np.log(load), 1)[0]
     return float(tabor / slope) if law == "exponential" else float(tabor / np.sqrt(-slope))
 
 
 def make(fast: bool = False) -> Result:
     """Draw the curves; how does the load grow while the tip hovers?"""
-    loads = np.geomspace(0.03, 60.0, 60)
+    top = TOP if fast else 60.0
     with panels(height=3.2) as (figure, axes):
         force = np.geomspace(0.01, 60.0, 200)
         axes.plot(force, np.cbrt(0.75 * force) ** 2, color="0.7", lw=2.4, label="Hertz, DMT")
@@ -42,18 +42,17 @@ def make(fast: bool = False) -> Result:
         axes.plot(above, np.cbrt(0.75 * (above - 2.0 * np.pi)) ** 2, color="0.7", lw=2.4)
         for law, dashes in (("exponential", "-"), ("Gauss", (0, (5, 1.5)))):
             for tabor in TABORS:
-                rows = traced(law, tabor, -1, 60.0).branches[0]
+                rows = traced(law, tabor, -1, top).branches[0]
                 label = rf"{law}, $\mu_T = {tabor:g}$"
                 path = smooth_path(rows.load, rows.displacement, bounded=False)
                 axes.plot(*path, color=COLOURS[tabor], ls=dashes, label=label)
         axes.set(xlabel=LOAD, ylabel=DISPLACEMENT, xlim=(0.0, 20.0), ylim=(-2.0, 6.0))
         axes.legend(loc="lower right")
-    largest = loads[-1]
-    spread = [
-        solved(law, tabor, float(largest), -1).displacement for law in ("exponential", "Gauss") for tabor in (4.0, 1.0)
-    ]
-    small = [solved(law, tabor, 1.0, -1).displacement for law in ("exponential", "Gauss") for tabor in (4.0, 1.0)]
-    lengths = {(law, tabor): decay(law, tabor) for law in ("exponential", "Gauss") for tabor in (4.0, 1.0)}
+    largest = 60.0
+    cases = [(law, tabor) for law in ("exponential", "Gauss") for tabor in (4.0, 1.0)]
+    # both loads of a contact one after the other, of one curve
+    spread, small = np.array([[solved(*case, load, -1).displacement for load in (largest, 1.0)] for case in cases]).T
+    lengths = {(law, tabor): decay(law, tabor, top) for law, tabor in cases}
     statements = [
         Statement(
             "the displacement is insensitive to potential and $\\mu_T$ unless the load is small",

@@ -19,7 +19,7 @@ if __name__ == "__main__":
     sys.path.append(str(Path(__file__).resolve().parents[2]))
 from contbranch.results.diagram import LocalExponent
 from studies.kappa import TABLE, WINDOWS, Printed, local_exponent, matching_windows, normal_form, refitted, windowed
-from studies.paper.common import Array, Finding, Result, Statement, panels, run, solved, traced
+from studies.paper.common import TOP, Array, Finding, Result, Statement, panels, run, solved, traced
 
 # Printed F_sq, in the order of TABLE; elsewhere it is F_sw.
 SQUEEZED = {("Gauss, wetting", 0.0625): 6.30, ("Gauss, wetting", 0.25): 6.44, ("Gauss, wetting", 1.0): 8.40,
@@ -87,7 +87,7 @@ def findings_of(row: Printed, fast: bool = False) -> list[Finding]:
     form, local = normal_form(row.name, row.tabor), local_exponent(row.name, row.tabor)
     window, fits = windowed(local, *WINDOWS[1]), free_fits(row, fast)
     refit = refitted(row, *WINDOWS[1])
-    limits = traced(law(row), row.tabor, -1).thresholds
+    limits = traced(law(row), row.tabor, -1, TOP if fast else None).thresholds
     head = f"{law(row)}, $\\mu_T$ = {row.tabor:g}: "
     squeezed = SQUEEZED.get((row.name, row.tabor), row.load)
     own = limits["squeeze_out_load"]

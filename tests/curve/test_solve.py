@@ -7,19 +7,16 @@ import contbranch as cb
 from contbranch.curve import curves
 from contbranch.curve.trace import trace
 
-LAWS = [cb.VanDerWaals(-1.0, 1.0), cb.Exponential(1.0, 0.5), cb.Gauss(-1.0, 2.0)]
-
 
 def next_to_touch(solution, touch):
     return min(solution.states, key=lambda state: abs(state.displacement - touch.displacement) + state.contact_radius)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
-@pytest.mark.parametrize("accuracy", [1e-6, 1e-10])
+@pytest.mark.parametrize(("law", "accuracy"), [(cb.VanDerWaals(-1.0, 1.0), 1e-10), (cb.Exponential(1.0, 0.5), 1e-6)])
 def test_next_to_first_touch_errors_say_on_which_side_a_state_may_be(law, accuracy):
     """The state of a load next to touch, against that of the same load solved for by its radius, or displacement."""
     contact = cb.Contact(cb.Parabola(1.0), law)
-    (touch,) = (event for event in cb.trace(contact, accuracy=1e-12).events if event.kind == "touch")
+    (touch,) = (event for event in cb.trace(contact, accuracy=1e-12, modes=0).events if event.kind == "touch")
     radii = [{"contact_radius": (times * accuracy) ** 0.5} for times in (0.1, 10.0, 100.0)]
     below = np.sign(cb.solve(contact, contact_radius=1e-3).load - touch.load)  # loads beyond touch, with contact
     films = [{"displacement": touch.displacement - below * times * accuracy} for times in (0.1, 10.0)]
