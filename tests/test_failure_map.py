@@ -85,7 +85,6 @@ def test_a_coarse_lattice_traps():
         ("fixed mesh", GAUSS, RIGHT, RIGHT),
         ("natural", Subject("exponential", 1, 1.0), DIVERGED, DIVERGED),
         ("nearest-zero", Subject("exponential", 1, 1.0), WRONG, RIGHT),
-        ("FIRE", Subject("exponential", 1, 0.0625), RIGHT, RIGHT),
         ("L-BFGS-B", Subject("exponential", -1, 1.0), RIGHT, RIGHT),
     ],
 )
@@ -128,7 +127,7 @@ def test_chart(tmp_path):
         for one, outcome in zip(METHODS, (*failure_map.OUTCOMES, *failure_map.OUTCOMES), strict=False)
         for law in one.laws
         for sign in (1, -1)
-        for tabor in failure_map.TABORS
+        for tabor in failure_map.TABORS[::4]
         for control in failure_map.CONTROLS
     ]
     figure = failure_map.draw(cells)

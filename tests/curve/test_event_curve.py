@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -168,12 +169,17 @@ def test_a_fold_passes_first_touch_where_the_closed_form_has_it(kind, p, special
 # The disc's augmented system.
 
 CONTACT = cb.Contact.reduced(cb.Gauss, tabor=2.0, sign=-1)
-EVENTS = {(e.name, e.control): e for e in cb.trace(CONTACT, accuracy=1e-9).events if e.kind == "fold"}
+
+
+@cache
+def folds() -> dict[tuple[str | None, str | None], cb.Event]:
+    diagram = cb.trace(CONTACT, accuracy=1e-9, modes=0)
+    return {(e.name, e.control): e for e in diagram.events if e.kind == "fold"}
 
 
 def augmented(name: str, control: str) -> tuple[Augmented, np.ndarray]:
     """The augmented system of a fold in the Tabor coefficient, and the state of the fold."""
-    place = EVENTS[name, control].origin.raw.place
+    place = folds()[name, control].origin.raw.place
     tabor = family_of(CONTACT, "tabor", 1.0)
     condition = Fold(tabor, LOAD if control == "load" else DISPLACEMENT)
     locus = Locus(tabor, condition, (-1.0, 0.0), math.sqrt(place.problem.inner(place.x, place.x)))
@@ -208,7 +214,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(name, control):
 
 def test_any_event_of_the_curve_can_be_followed():
     """The states of one displacement, as an event: they are those that `solve` finds."""
-    found = EVENTS["wetting", "load"]
+    found = folds()["wetting", "load"]
     tabor = family_of(CONTACT, "tabor", 1.0)
     curve = EventCurve(tabor, Other(Reached(DISPLACEMENT, found.displacement)), (1.8,), 1e-8)
     curve.trace(found.origin.raw.place)

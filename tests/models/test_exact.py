@@ -345,9 +345,7 @@ def test_a_corner_has_no_exponent_and_first_touch_is_a_square_root():
 def test_under_load_the_loop_does_not_close():
     loop = cb.hysteresis(contact(1.0))
     assert loop.dissipated is None
-    assert [jump.start.load for jump in loop.jumps] == pytest.approx(
-        [traced(1.0).thresholds["pull_off_load"]]
-    )
+    assert [jump.start.load for jump in loop.jumps] == pytest.approx([traced(1.0).thresholds["pull_off_load"]])
 
 
 def test_exact_names_why_it_does_not_represent_a_contact():

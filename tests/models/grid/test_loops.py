@@ -53,12 +53,12 @@ def test_spring() -> None:
     """A spring so soft that the contact is lost to where nothing but rounding is left of the pressure."""
     contact = cb.Contact.reduced(cb.Gauss, tabor=1.0)
     spring = cb.Spring(1.0)
-    found = cb.hysteresis(contact, control=spring, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=64))
+    found = cb.hysteresis(contact, control=spring, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=48))
     agree(found, cb.hysteresis(contact, control=spring, max_load=1.0), 2e-2)
 
 
 def test_attraction_under_load_does_not_close() -> None:
-    found = cb.hysteresis(ATTRACTION, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=64))
+    found = cb.hysteresis(ATTRACTION, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=48), accuracy=1e-4)
     assert not found.closed
     assert found.dissipated is None
     assert "infinite separation" in found.message
@@ -66,7 +66,7 @@ def test_attraction_under_load_does_not_close() -> None:
 
 def test_crossings_lie_at_the_value() -> None:
     request = Request(1e-6, DISPLACEMENT, 1.0)
-    track = LatticeCurves(ATTRACTION, CELL).track(request)
+    track = LatticeCurves(ATTRACTION, cb.FreeSpace(cell=8.0, grid=48)).track(request)
     walk = CurveWalk(track, (), DISPLACEMENT, 1e-6)
     stable = np.flatnonzero(walk.unstable == 0)
     for piece in (stable[2], stable[-2]):

@@ -33,7 +33,7 @@ REQUEST = Request(1e-6)
 
 @pytest.fixture(scope="module")
 def expected():
-    return traced(FLAT, 1e-8)
+    return traced(FLAT, 1e-7)
 
 
 class Traced:
@@ -213,7 +213,7 @@ def test_refinement_keeps_the_branch(branch):
 def test_branches_belong_to_the_diagram_if_asked_for(monkeypatch, tmp_path):
     monkeypatch.setattr(branches_module, "POINTS", 3)
     with pytest.warns(GridWarning, match="at least 96"):
-        diagram = cb.trace(FLAT, model=cb.FreeSpace(RING, 32, branches=True), max_load=17.0)
+        diagram = cb.trace(FLAT, model=cb.FreeSpace(RING, 24, branches=True), max_load=17.0, accuracy=1e-4)
     symmetry = [event for event in diagram.events if event.kind == "symmetry" and event.branch == 0]
     assert len(diagram.branches) == 1 + len(symmetry)
     for number, event in enumerate(symmetry, start=1):
