@@ -152,10 +152,10 @@ def test_the_edge_of_a_cap_is_known_to_be_a_staircase() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-@pytest.mark.parametrize("law", [cb.Exponential(1.0, 0.8), cb.VanDerWaals(-1.0, 1.1)])
-def test_states_next_to_first_touch_are_found_between_the_film_and_the_average(law: cb.Interaction) -> None:
+def test_states_next_to_first_touch_are_found_between_the_film_and_the_average() -> None:
     """A row of the lattice and one of the average of its arcs have no representation in common."""
-    contact, model = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), law), cb.FreeSpace(cell=10.0, grid=48)
+    contact = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), cb.VanDerWaals(-1.0, 1.1))
+    model = cb.FreeSpace(cell=10.0, grid=48)
     branch = cb.trace(contact, "displacement", model=model).branches[0]
     row = int(np.flatnonzero(branch.contact_radius > 0.0)[0])
     for share, k in ((0.7, row - 1), (0.2, row)):
@@ -168,10 +168,9 @@ def test_states_next_to_first_touch_are_found_between_the_film_and_the_average(l
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-@pytest.mark.parametrize("law", [cb.Exponential(1.0, 0.8), cb.VanDerWaals(-1.0, 1.1)])
-def test_a_cell_is_chosen_for_a_tip_far_away(law: cb.Interaction) -> None:
+def test_a_cell_is_chosen_for_a_tip_far_away() -> None:
     """Farther than its interaction reaches: there is a state, with next to no load."""
-    contact = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), law)
+    contact = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), cb.Exponential(1.0, 0.8))
     for found in (
         cb.solve(contact, displacement=-40.0, model=cb.FreeSpace(grid=48)),
         cb.find_all(contact, displacement=-40.0, model=cb.FreeSpace(grid=48))[0],
@@ -239,10 +238,10 @@ def test_a_contact_does_not_open_again_by_a_leap() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-@pytest.mark.parametrize(("law", "cell"), [(cb.Exponential(-1.0, 1.0), 12.0), (cb.VanDerWaals(1.0, 1.0), 22.0)])
-def test_a_cell_too_small_for_a_cone_is_known_to_be(law: cb.Interaction, cell: float) -> None:
+@pytest.mark.parametrize("cell", [12.0, 22.0])
+def test_a_cell_too_small_for_a_cone_is_known_to_be(cell: float) -> None:
     """Heights of a cone grow as the distance only: outside of a small cell there is more than what is inside."""
-    contact = cb.Contact(cb.Cone(slope=0.5), law)
+    contact = cb.Contact(cb.Cone(slope=0.5), cb.Exponential(-1.0, 1.0))
     exact = next(event for event in cb.trace(contact, modes=0).events if event.kind == "touch")
     diagram = cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=48))
     touch = next(event for event in diagram.events if event.kind == "touch")

@@ -53,10 +53,11 @@ def test_spring() -> None:
     """A spring so soft that the contact is lost to where nothing but rounding is left of the pressure."""
     contact = cb.Contact.reduced(cb.Gauss, tabor=1.0)
     spring = cb.Spring(1.0)
-    found = cb.hysteresis(contact, control=spring, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=48))
+    found = cb.hysteresis(contact, control=spring, max_load=1.0, model=CELL)
     agree(found, cb.hysteresis(contact, control=spring, max_load=1.0), 2e-2)
 
 
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
 def test_attraction_under_load_does_not_close() -> None:
     found = cb.hysteresis(ATTRACTION, max_load=1.0, model=cb.FreeSpace(cell=8.0, grid=48), accuracy=1e-4)
     assert not found.closed
@@ -64,6 +65,7 @@ def test_attraction_under_load_does_not_close() -> None:
     assert "infinite separation" in found.message
 
 
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
 def test_crossings_lie_at_the_value() -> None:
     request = Request(1e-6, DISPLACEMENT, 1.0)
     track = LatticeCurves(ATTRACTION, cb.FreeSpace(cell=8.0, grid=48)).track(request)
