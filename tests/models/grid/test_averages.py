@@ -76,16 +76,6 @@ def test_folds_of_a_film_next_to_each_other_are_two() -> None:
             assert abs(getattr(own, field) - getattr(other, field)) <= own.error[field] < 5e-5
 
 
-def test_a_loop_through_averages_dissipates_what_the_contact_does() -> None:
-    """Exponential attraction, μ_T = 1.5, under displacement control."""
-    contact = cb.Contact.reduced("exponential", tabor=1.5)
-    exact = cb.hysteresis(contact, control="displacement").dissipated
-    found = cb.hysteresis(contact, control="displacement", model=cb.FreeSpace(cell=12.0, grid=96))
-    assert exact is not None
-    assert found.dissipated is not None
-    assert abs(found.dissipated - exact) < min(3e-3, found.error)
-
-
 def test_arcs_join_where_a_node_has_neither_gap_nor_pressure() -> None:
     curves = LatticeCurves(REPULSION, cb.FreeSpace(cell=9.0, grid=96))
     points = [
