@@ -30,7 +30,7 @@ def compared():
     rows = []
     for law, sign, tabor in CASES:
         contact = cb.Contact.reduced(law, tabor, sign)
-        exact = cb.trace(contact, accuracy=1e-12, modes=0)
+        exact = cb.trace(contact, accuracy=1e-11, modes=0)
         for accuracy in (1e-6, 1e-8):
             diagram = cb.trace(contact, accuracy=accuracy, modes=0)
             assert diagram.status == "complete", diagram.message
