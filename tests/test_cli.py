@@ -101,9 +101,9 @@ def test_all_outputs_are_written(
 
 
 def test_stability_at_a_displacement_is_that_of_displacement_control(capsys: pytest.CaptureFixture) -> None:
-    """Exponential attraction at μ_T = 4 between its displacement folds: three equilibria, the middle one unstable."""
-    contact = ["--interaction", "exponential", "--tabor", "4", "--displacement", "-1", "--json", "-"]
-    for control, stable in ([], 2), (["--control", "load"], 0):
+    """Attraction at μ_T = 4 between its displacement folds: three equilibria, the middle one unstable."""
+    contact = ["--interaction", "maugis-dugdale", "--tabor", "4", "--displacement", "-1", "--json", "-"]
+    for control, stable in ([], 2), (["--control", "load"], 1):  # the state far away has no load
         for every, count in ([], 1), (["--all"], 3):
             assert main(["solve", *contact, *every, *control]) == 0
             document = json.loads(capsys.readouterr().out)

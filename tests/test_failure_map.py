@@ -85,7 +85,6 @@ def test_a_coarse_lattice_traps():
         ("fixed mesh", GAUSS, RIGHT, RIGHT),
         ("natural", Subject("exponential", 1, 1.0), DIVERGED, DIVERGED),
         ("nearest-zero", Subject("exponential", 1, 1.0), WRONG, RIGHT),
-        ("FIRE", Subject("exponential", 1, 0.0625), RIGHT, RIGHT),
         ("L-BFGS-B", Subject("exponential", -1, 1.0), RIGHT, RIGHT),
     ],
 )
@@ -122,18 +121,17 @@ def test_cells_are_kept_and_not_done_twice(tmp_path, monkeypatch):
     assert failure_map.run(1.0, path, [chosen]) == cells == failure_map.load_cells(path)
 
 
-def test_chart(tmp_path):
+def test_chart():
     cells = [
         Cell(one.name, one.resolution, law, sign, tabor, control, outcome, "", 0.1, one.own)
         for one, outcome in zip(METHODS, (*failure_map.OUTCOMES, *failure_map.OUTCOMES), strict=False)
         for law in one.laws
         for sign in (1, -1)
-        for tabor in failure_map.TABORS
+        for tabor in failure_map.TABORS[::4]
         for control in failure_map.CONTROLS
     ]
     figure = failure_map.draw(cells)
     assert len(figure.axes) == 2 * 4 + 2 * 6
-    figure.savefig(tmp_path / "map.png")
 
 
 def test_default_settings_fail_rarely():

@@ -25,30 +25,6 @@ METHODS = {method.name: method for method in speed_accuracy.methods()}
 # True values and errors
 
 
-@pytest.mark.parametrize(
-    "contact",
-    [
-        cb.Contact.reduced(cb.Gauss, tabor=4.0, sign=-1),
-        cb.Contact.reduced(cb.Exponential, tabor=1.0),
-        cb.Contact.reduced(cb.VanDerWaals, tabor=1.0),
-    ],
-    ids=["gauss", "exponential", "van-der-waals"],
-)
-def test_true_errors_are_within_the_estimates(contact):
-    """True error ≤ estimate ≤ accuracy, against an accuracy of 1e-12 (whose own error is some 1e-12)."""
-    reference = cb.trace(contact, accuracy=1e-12, modes=0)
-    for accuracy in (1e-5, 1e-7, 1e-9):
-        diagram = cb.trace(contact, accuracy=accuracy, modes=0)
-        assert set(diagram.thresholds) == set(reference.thresholds)
-        for found, exact in zip(diagram.events, reference.events, strict=True):
-            if not (found.name or found.kind == "touch"):
-                continue
-            for name, error in found.error.items():
-                value = getattr(exact, name)
-                assert abs(getattr(found, name) - value) <= error + 2e-12 * max(1.0, abs(value))
-                assert error <= accuracy * max(1.0, abs(value))
-
-
 def test_true_values():
     """Maugis' closed form; pull-off within 1e-3 of JKR's excess 0.339/μ_T² for a stiff law (measured from 12 to 64)."""
     assert speed_accuracy.truth(Subject("maugis-dugdale", 1.0))["pull_off_load"].value == pytest.approx(-4.98063009659)
@@ -80,7 +56,7 @@ def test_grid_and_closed_forms():
     assert jkr.errors["pull_off_load"] == pytest.approx(1.0 - 1.5 * math.pi / 5.227851609468, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["GFMD ramp", "FIRE ramp", "L-BFGS-B ramp"])
+@pytest.mark.parametrize("name", ["GFMD ramp", "FIRE ramp"])
 def test_minimisers_jump_within_a_step(name):
     """Pull-off on a ramp of 20 steps of 0.4: off by half a step and the lattice's error, which is below 1 % here."""
     row = speed_accuracy.measure(METHODS[name], "64/20", Subject("exponential", 1.0), "folds", least=0.0)

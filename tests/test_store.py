@@ -302,14 +302,14 @@ def shifted(file: h5py.File, path: str) -> None:
 
 @pytest.mark.parametrize("damage", [flipped, truncated, zeroed, scrambled, removed, shortened, retyped, shifted])
 def test_nothing_is_read_of_a_damaged_file(repulsion: Diagram, tmp_path: Path, damage) -> None:
-    """40 files a kind: one line that says so, or (where nothing was changed) every number as it was."""
+    """15 files a kind: one line that says so, or (where nothing was changed) every number as it was."""
     path, random = tmp_path / "x.h5", np.random.default_rng(11)
     save(repulsion, path)
     whole = path.read_bytes()
     names: list[str] = []
     with h5py.File(path) as file:
         file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
-    for _ in range(40):
+    for _ in range(15):
         if damage in (flipped, truncated, zeroed, scrambled):
             data = bytearray(whole)
             damage(data, random)
@@ -381,7 +381,7 @@ def test_loops_and_followed_events_are_read_again(tmp_path: Path) -> None:
     assert (found.area, found.jumps[0].area) == (loop.area, loop.jumps[0].area) != (None, None)
     np.testing.assert_array_equal(found.jumps[0].start.gap, loop.jumps[0].start.gap)
     assert len(found.plot().axes) == 2
-    bare = cb.hysteresis(cb.Contact.reduced("exponential", tabor=1.0), accuracy=1e-4)  # leaves for infinity
+    bare = cb.hysteresis(cb.Contact.reduced("maugis-dugdale", tabor=1.0))  # leaves for infinity
     bare.save(tmp_path / "bare.h5")
     assert load(tmp_path / "bare.h5").jumps[-1].to is None
     fold = next(cb.trace(contact, accuracy=1e-4).folds("load"))
@@ -395,11 +395,11 @@ def test_loops_and_followed_events_are_read_again(tmp_path: Path) -> None:
 
 def test_states_and_boundaries_are_read_as_they_were(tmp_path: Path) -> None:
     """With their profiles; boundaries belong to contacts of their own; a height map has its heights."""
-    film = Contact.reduced("gauss", tabor=2.0, sign=-1)
-    heights = cb.HeightMap.self_affine(32, 10.0, 0.5, rms_slope=0.3, seed=1)
+    film = Contact.reduced("gauss", tabor=1.0, sign=-1)
+    heights = cb.HeightMap.self_affine(16, 10.0, 0.5, rms_slope=0.3, seed=1)
     results = {
-        "states": cb.find_all(film, load=14.5, accuracy=1e-4),
-        "phase": cb.phase_diagram(film, "tabor", (1.8, 2.0), samples=3, accuracy=1e-4),
+        "states": cb.find_all(film, load=8.2, accuracy=1e-4),
+        "phase": cb.phase_diagram(Contact.reduced("maugis-dugdale", tabor=1.0), "tabor", (1.0, 1.1), samples=3),
         "rough": cb.find_all(Contact(heights, cb.Gauss(0.02, 0.8)), load=0.1, accuracy=1e-4),
     }
     for name, result in results.items():

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,8 +62,7 @@ def test_xarray_has_units_and_the_contact(diagram, tmp_path):
 
 
 def test_a_reduced_contact_has_no_units(tmp_path):
-    contact = cb.Contact.reduced("gauss", tabor=1.0)
-    loop = cb.hysteresis(contact, control="displacement", accuracy=1e-4)
+    loop = cb.hysteresis(cb.Contact.reduced("maugis-dugdale", tabor=1.0), control="displacement")
     loop.to_csv(tmp_path / "loop.csv")
     read = pd.read_csv(tmp_path / "loop.csv")
     assert list(read)[:5] == ["load", "displacement", "contact_radius", "central_gap", "energy"]
@@ -71,9 +71,9 @@ def test_a_reduced_contact_has_no_units(tmp_path):
 
 
 def test_a_position_is_in_the_unit_of_what_is_controlled():
-    soft = cb.hysteresis(CONTACT, control="load", accuracy=1e-4).to_dataframe()
-    assert "position [nN]" in soft
-    assert "position [nm]" in cb.hysteresis(CONTACT, control=cb.Spring(2000.0), accuracy=1e-4).to_dataframe()
+    contact = replace(CONTACT, interaction=cb.MaugisDugdale(0.04, 1.0))
+    assert "position [nN]" in cb.hysteresis(contact, control="load").to_dataframe()
+    assert "position [nm]" in cb.hysteresis(contact, control=cb.Spring(2000.0)).to_dataframe()
 
 
 def test_followed_events_and_solutions_have_tables(diagram, tmp_path):
@@ -93,7 +93,7 @@ def test_followed_events_and_solutions_have_tables(diagram, tmp_path):
 
 def test_the_command_line_writes_them(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    contact = ["--interaction", "gauss", "--tabor", "1", "--repulsive", "--accuracy", "1e-4"]
+    contact = ["--interaction", "maugis-dugdale", "--tabor", "1"]
     assert (
         main(["trace", *contact, "--csv", "t.csv", "--events-csv", "e.csv", "--plot", "a.png", "--plot", "b.svg"]) == 0
     )

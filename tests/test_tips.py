@@ -102,9 +102,9 @@ def test_transform_derivative_and_integrals(tip, height, transform):
 
 
 @shapes
-@pytest.mark.parametrize("a", [1e-8, 1e-3, 0.3, 1.0, 30.0])
+@pytest.mark.parametrize("a", [1e-8, 0.3, 30.0])
 def test_gap_by_its_definition(tip, height, transform, a):
-    rho = np.array([1e-6, 1e-2, 0.29, 0.31, 1.1, 7.0, 50.0])
+    rho = np.array([1e-6, 0.29, 0.31, 7.0, 50.0])
     gap, slope = tip.shape_gap(rho, a)
     step = mp.mpf(a) * mp.mpf("1e-7")
     for place, value, derivative in zip(rho, gap, slope, strict=True):
@@ -112,7 +112,7 @@ def test_gap_by_its_definition(tip, height, transform, a):
         # rounding is relative to what cancels: ζ(a) ρ/r
         scale = float(wanted + transform(mp.mpf(a)) * place / math.hypot(place, a))
         assert value == pytest.approx(float(wanted), abs=8 * EPS * scale)
-        if place in (1e-2, 0.31, 7.0):  # differences lose digits of the integrals for small a
+        if place in (0.31, 7.0):  # differences lose digits of the integrals for small a
             difference = (_gap(transform, place, a + step) - _gap(transform, place, a - step)) / (2 * step)
             cancels = float(mp.diff(transform, mp.mpf(a))) * place / math.hypot(place, a)
             assert derivative == pytest.approx(float(difference), rel=1e-12 + 1e-18 / a, abs=8 * EPS * cancels)

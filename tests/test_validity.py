@@ -37,7 +37,7 @@ def test_a_table_of_heights_that_ends_inside_of_what_bears_load_is_noted() -> No
     """The table of a parabola: Hertz's contact reaches its end at F = 4 a³/3, a film at the displacement a²."""
     radii = np.linspace(0.0, 1.5, 12)
     tip = cb.Profile(tuple(radii), tuple(radii**2 / 2.0))
-    bare, covered = cb.Contact(tip), cb.Contact(tip, cb.Exponential(-1.0, 0.3))
+    bare, covered = cb.Contact(tip), cb.Contact(tip, cb.Exponential(-1.0, 1.0))
     assert "table ends" not in cb.solve(bare, load=0.99 * 4.5).message
     assert (
         "tip: its table ends at a radius of 1.5; from a load of 4.545 on, what continues it bears load, too."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -168,12 +169,17 @@ def test_a_fold_passes_first_touch_where_the_closed_form_has_it(kind, p, special
 # The disc's augmented system.
 
 CONTACT = cb.Contact.reduced(cb.Gauss, tabor=2.0, sign=-1)
-EVENTS = {(e.name, e.control): e for e in cb.trace(CONTACT, accuracy=1e-9).events if e.kind == "fold"}
+
+
+@cache
+def folds() -> dict[tuple[str | None, str | None], cb.Event]:
+    diagram = cb.trace(CONTACT, accuracy=1e-9, modes=0)
+    return {(e.name, e.control): e for e in diagram.events if e.kind == "fold"}
 
 
 def augmented(name: str, control: str) -> tuple[Augmented, np.ndarray]:
     """The augmented system of a fold in the Tabor coefficient, and the state of the fold."""
-    place = EVENTS[name, control].origin.raw.place
+    place = folds()[name, control].origin.raw.place
     tabor = family_of(CONTACT, "tabor", 1.0)
     condition = Fold(tabor, LOAD if control == "load" else DISPLACEMENT)
     locus = Locus(tabor, condition, (-1.0, 0.0), math.sqrt(place.problem.inner(place.x, place.x)))
@@ -208,7 +214,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(name, control):
 
 def test_any_event_of_the_curve_can_be_followed():
     """The states of one displacement, as an event: they are those that `solve` finds."""
-    found = EVENTS["wetting", "load"]
+    found = folds()["wetting", "load"]
     tabor = family_of(CONTACT, "tabor", 1.0)
     curve = EventCurve(tabor, Other(Reached(DISPLACEMENT, found.displacement)), (1.8,), 1e-8)
     curve.trace(found.origin.raw.place)
@@ -223,10 +229,10 @@ def test_any_event_of_the_curve_can_be_followed():
 def test_a_fold_that_only_nears_first_touch_is_followed_on():
     """Wetting of a soft film has ever smaller contact radii, but not none: as a separate trace has it."""
     contact = cb.Contact.reduced(cb.VanDerWaals, 0.25, -1)
-    wetting = next(e for e in cb.trace(contact, accuracy=1e-8).folds("load") if e.name == "wetting")
+    wetting = next(e for e in cb.trace(contact, accuracy=1e-8, modes=0).folds("load") if e.name == "wetting")
     followed = cb.follow(wetting, "tabor", to=0.16, accuracy=1e-8)
     assert (followed.status, followed.special) == ("complete", ())
-    softer = cb.trace(cb.Contact.reduced(cb.VanDerWaals, 0.16, -1), accuracy=1e-8)
+    softer = cb.trace(cb.Contact.reduced(cb.VanDerWaals, 0.16, -1), accuracy=1e-8, modes=0)
     other = next(e for e in softer.folds("load") if e.name == "wetting")
     (point,) = followed.at(0.16)
     assert point.contact_radius == pytest.approx(other.contact_radius, abs=1e-7)
@@ -236,10 +242,10 @@ def test_a_fold_that_only_nears_first_touch_is_followed_on():
 def test_a_fold_that_passes_first_touch_beyond_the_range_ends_at_the_range():
     """The contact of so wide a law counts as next to first touch long before it comes there, at a share of 0.4998."""
     contact = cb.Contact(cb.Cone(0.22), cb.Exponential(-0.321, 426.374) + cb.VanDerWaals(0.679, 720.999))
-    pulled = next(e for e in cb.trace(contact).events if (e.name, e.control) == ("pull-off", "load"))
+    pulled = next(e for e in cb.trace(contact, modes=0).events if (e.name, e.control) == ("pull-off", "load"))
     followed = cb.follow(pulled, "share", 0.539)
     assert (followed.status, followed.special) == ("complete", ())
     assert followed.curve["share"].min() == followed.curve["share"][-1] == 0.539
     there = cb.Contact(cb.Cone(0.22), cb.Exponential(-0.461, 426.374) + cb.VanDerWaals(0.539, 720.999))
-    expected = cb.trace(there).thresholds["pull_off_load"]
+    expected = cb.trace(there, modes=0).thresholds["pull_off_load"]
     assert followed.curve["load"][-1] == pytest.approx(expected, rel=1e-6)

@@ -9,15 +9,9 @@ from followed import Followed
 import contbranch as cb
 
 CASES = [
-    pytest.param(cb.Contact.reduced(cb.Exponential, 1.0), id="exponential"),
     pytest.param(cb.Contact.reduced(cb.Exponential, 16.0), id="exponential-16"),
-    pytest.param(cb.Contact.reduced(cb.Exponential, 1.0, -1), id="exponential-repulsion"),
-    pytest.param(cb.Contact.reduced(cb.Gauss, 1.0, -1), id="gauss-repulsion"),
     pytest.param(cb.Contact.reduced(cb.Gauss, 4.0, -1), id="gauss-repulsion-4"),
-    pytest.param(cb.Contact.reduced(cb.Gauss, 4.0), id="gauss-4"),
-    pytest.param(cb.Contact.reduced(cb.VanDerWaals, 1.0), id="van-der-waals"),
     pytest.param(cb.Contact.reduced(cb.VanDerWaals, 0.25, -1), id="van-der-waals-repulsion"),
-    pytest.param(cb.Contact.reduced(cb.InverseSquare, 4.0), id="inverse-square-4"),
     pytest.param(
         cb.Contact(cb.Parabola(1.0), cb.VanDerWaals(1.0, 1.0) + cb.Exponential(-0.5, 0.5)).to_reduced(), id="sum"
     ),
@@ -56,8 +50,8 @@ def test_the_trace_reaches_its_end(traced):
 
 
 def test_energy_is_the_work_of_the_load_along_the_branch(traced):
-    """V grows by ∫ F dd from row to row: sixteen Gauss points a step, states solved anew."""
-    z, w = np.polynomial.legendre.leggauss(16)
+    """V grows by ∫ F dd from row to row: twelve Gauss points a step, states solved anew."""
+    z, w = np.polynomial.legendre.leggauss(12)
     curve, points = traced.curve, traced.points
     worst = []
     for k in range(len(points) - 1):

@@ -1,6 +1,7 @@
 """The exact model: whole curve, events and their errors, stability, single equilibria, profiles and exponents."""
 
 import csv
+import functools
 import pathlib
 from itertools import pairwise
 
@@ -13,11 +14,16 @@ import contbranch as cb
 from contbranch.theory import maugis
 
 REFERENCE = pathlib.Path(__file__).parents[1] / "reference" / "maugis_dugdale.csv"
-TABORS = [1e-3, 0.03, 0.5, 0.8321, 1.0, 4.0, 64.0, 1e3]
+TABORS = [1e-3, 0.03, 0.8321, 4.0, 1e3]
 
 
 def contact(tabor):
     return cb.Contact.reduced(cb.MaugisDugdale, tabor=tabor)
+
+
+@functools.cache
+def traced(tabor):
+    return cb.trace(contact(tabor))
 
 
 def named(diagram, control, name="pull-off"):
@@ -36,7 +42,7 @@ def reference():
 @pytest.mark.parametrize("row", reference(), ids=lambda row: f"lambda={row['lambda']:g}")
 def test_reference_table(row):
     # tests/reference/maugis_dugdale.csv: independent high-precision computation, 16 digits; 1e-12 is asked for
-    diagram = cb.trace(contact(row["mu_T"]))
+    diagram = traced(row["mu_T"])
     assert diagram.status == "complete"
     found = {
         "pulloff_load": named(diagram, "load"),
@@ -94,7 +100,7 @@ def precise_fold(tabor, start, control):
 @pytest.mark.parametrize("tabor", [1e-3, 0.05, 1.0, 20.0, 1e3])
 @pytest.mark.parametrize("control", ["load", "displacement"])
 def test_true_errors_of_folds_are_within_the_stated_bounds(tabor, control):
-    event = named(cb.trace(contact(tabor)), control)
+    event = named(traced(tabor), control)
     if event.contact_radius == 0.0:
         # without contact the fold is closed: c = 4 mu_T/pi
         with mpmath.workdps(40):
@@ -111,7 +117,7 @@ def test_true_errors_of_folds_are_within_the_stated_bounds(tabor, control):
 
 @pytest.mark.parametrize("tabor", TABORS)
 def test_curve_runs_from_no_interaction_into_contact_and_meets_its_events(tabor):
-    diagram = cb.trace(contact(tabor))
+    diagram = traced(tabor)
     branch = diagram.branches[0]
     assert diagram.model.unknowns == 1
     assert branch.load[0] == 0.0
@@ -138,15 +144,21 @@ def test_curve_runs_from_no_interaction_into_contact_and_meets_its_events(tabor)
 @pytest.mark.parametrize("tabor", TABORS)
 def test_work_along_the_curve_is_the_energy(tabor):
     # dV/dd = F: by quadrature of the closed forms, over the radius of the interaction and then over that of the contact
-    branch = cb.trace(contact(tabor)).branches[0]
+    branch = traced(tabor).branches[0]
     scale = np.max(np.abs(branch.energy))
     c = float(maugis.first_touch(interaction_range=1 / tabor).interaction_radius)
     apart = quad(lambda c: -np.pi * tabor * c**2 * (c - 4 / np.pi * tabor), 0.0, c, epsabs=0, epsrel=1e-12)[0]
     assert float(maugis.first_touch(interaction_range=1 / tabor).energy) == pytest.approx(apart, abs=1e-10 * scale)
     rows = np.flatnonzero(branch.contact_radius > 0)
     nodes, weights = np.polynomial.legendre.leggauss(30)
+    work, start = apart, 0.0
     for row in rows[:: max(1, len(rows) // 4)]:
-        work, edges = apart, branch.contact_radius[row] * np.append(0.0, np.geomspace(1e-9, 1.0, 60))
+        end = branch.contact_radius[row]
+        if start == 0.0:
+            edges = np.append(0.0, end * np.geomspace(1e-9, 1.0, 60))
+        else:
+            edges = np.geomspace(start, end, 2 + int(7 * np.log10(end / start)))
+        start = end
         for low, high in pairwise(edges):
             own = maugis.contact((low + high) / 2 + (high - low) / 2 * nodes, interaction_range=1 / tabor)
             path = np.polynomial.Legendre.fit(nodes, own.displacement, 20, domain=[-1, 1])
@@ -190,7 +202,7 @@ def test_morse_indices_are_those_of_the_slopes(tabor):
 def test_energy_of_a_free_interaction_radius_has_the_curvature_of_the_index(tabor):
     # At fixed d, dV/dc = 2 pi c sigma [g(c) - z0] for a film of radius c, the rest relaxed: g(c) must fall where the
     # index is 1. g(c) from theory.md's contact formula, at the c of a state and slightly more.
-    branch = cb.trace(contact(tabor)).branches[0]
+    branch = traced(tabor).branches[0]
     for index in (0, 1):
         row = np.flatnonzero((branch.unstable_displacement == index) & (branch.load < 0))[3]
         radius = branch.contact_radius[row]
@@ -217,9 +229,8 @@ def film_gap(tabor, c, d):
 
 @pytest.mark.parametrize("tabor", TABORS)
 def test_every_state_at_a_load_or_displacement_is_found(tabor):
-    law = contact(tabor)
-    branch = cb.trace(law).branches[0]
-    for row in range(4, len(branch.load) - 1, 9):
+    law, branch = contact(tabor), traced(tabor).branches[0]
+    for row in range(4, len(branch.load) - 1, max(9, len(branch.load) // 6)):
         for field in ("load", "displacement"):
             values = getattr(branch, field)
             value = (values[row] + values[row + 1]) / 2
@@ -238,7 +249,7 @@ def test_every_state_at_a_load_or_displacement_is_found(tabor):
 
 
 def test_a_contact_radius_selects_a_state():
-    for tabor in TABORS:
+    for tabor in (1e-3, 0.8321, 1e3):
         state = cb.solve(contact(tabor), contact_radius=1.7)
         closed = maugis.contact(1.7, interaction_range=1.0 / tabor)
         assert state.contact_radius == 1.7
@@ -267,8 +278,8 @@ def test_beyond_the_range_a_displacement_is_that_of_the_undeformed_tip():
     assert not np.any(profile.pressure)
 
 
-@pytest.mark.parametrize("stiffness", [0.05, 2.0, 30.0, 1e6])
-@pytest.mark.parametrize("tabor", [0.1, 1.0, 30.0])
+@pytest.mark.parametrize("stiffness", [0.05, 2.0, 1e6])
+@pytest.mark.parametrize("tabor", [0.1, 30.0])
 def test_spring_folds_are_the_extremes_of_the_spring_displacement(tabor, stiffness):
     diagram = cb.trace(contact(tabor), control=cb.Spring(stiffness))
     jump_in, pull_off = (named(diagram, "spring", name) for name in ("jump-in", "pull-off"))
@@ -285,7 +296,7 @@ def test_spring_folds_are_the_extremes_of_the_spring_displacement(tabor, stiffne
     assert np.min(ends) == pytest.approx(least, rel=1e-12, abs=1e-13)
 
 
-@pytest.mark.parametrize("tabor", [0.01, 0.5, 1.0, 100.0])
+@pytest.mark.parametrize("tabor", [0.01, 1.0, 100.0])
 @pytest.mark.parametrize("load", [-4.0, 3.0])
 def test_profiles_are_admissible_and_carry_the_load(tabor, load):
     for state in cb.find_all(contact(tabor), load=load).states:
@@ -306,7 +317,7 @@ def test_exponents_of_folds_are_those_of_their_normal_forms():
     # JKR at a^3 = 9 pi/8: second and third derivatives of F = (4/3) a^3 - sqrt(8 pi a^3); from the closed form, F'' and
     # F''' by seven-point differences in the contact radius
     for tabor in (1.0, 50.0, 1e3):
-        diagram = cb.trace(contact(tabor))
+        diagram = traced(tabor)
         exponent = named(diagram, "load").exponent
         a = named(diagram, "load").contact_radius
         h = 0.004 * a
@@ -322,7 +333,7 @@ def test_exponents_of_folds_are_those_of_their_normal_forms():
 
 
 def test_a_corner_has_no_exponent_and_first_touch_is_a_square_root():
-    diagram = cb.trace(contact(1.0))
+    diagram = traced(1.0)
     corner = named(diagram, "displacement", "jump-in")
     assert corner.exponent is None
     with pytest.raises(cb.InputError, match="jump-in has no exponent: it is a corner"):
@@ -334,9 +345,7 @@ def test_a_corner_has_no_exponent_and_first_touch_is_a_square_root():
 def test_under_load_the_loop_does_not_close():
     loop = cb.hysteresis(contact(1.0))
     assert loop.dissipated is None
-    assert [jump.start.load for jump in loop.jumps] == pytest.approx(
-        [cb.trace(contact(1.0)).thresholds["pull_off_load"]]
-    )
+    assert [jump.start.load for jump in loop.jumps] == pytest.approx([traced(1.0).thresholds["pull_off_load"]])
 
 
 def test_exact_names_why_it_does_not_represent_a_contact():

@@ -43,12 +43,9 @@ def folds(diagram: cb.Diagram) -> list[tuple[str | None, str | None]]:
 @pytest.mark.parametrize(
     ("contact", "cell", "grid", "name", "within"),
     [
-        (REPULSION, 9.0, 48, "wetting_load", 0.1),
-        (REPULSION, 9.0, 64, "wetting_load", 0.05),
         (REPULSION, 9.0, 96, "wetting_load", 0.01),
         (SMALL, 9.31, 64, "wetting_load", 1e-3),
         (ATTRACTION, 10.0, 64, "pull_off_load", 5e-3),
-        (ATTRACTION, 10.0, 96, "pull_off_load", 2e-3),
     ],
 )
 def test_folds_are_the_contacts(contact: Contact, cell: float, grid: int, name: str, within: float) -> None:
@@ -68,31 +65,15 @@ def test_folds_are_the_contacts(contact: Contact, cell: float, grid: int, name: 
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-@pytest.mark.parametrize(("tabor", "cell", "most"), [(1.954, 9.19, 17.5), (4.0, 12.0, 83.0)])
-def test_folds_of_a_film_next_to_each_other_are_two(tabor: float, cell: float, most: float) -> None:
+def test_folds_of_a_film_next_to_each_other_are_two() -> None:
     """Squeeze-out under load and under displacement, where the film turns round sharply."""
-    contact = cb.Contact.reduced("gauss", tabor=tabor, sign=-1)
-    found = cb.trace(contact, "displacement", model=cb.FreeSpace(cell=cell, grid=128), max_load=most, modes=0)
-    exact = cb.trace(contact, "displacement", accuracy=1e-9, max_load=most, modes=0)
+    contact = cb.Contact.reduced("gauss", tabor=1.954, sign=-1)
+    found = cb.trace(contact, "displacement", model=cb.FreeSpace(cell=9.19, grid=128), max_load=17.5, modes=0)
+    exact = cb.trace(contact, "displacement", accuracy=1e-9, max_load=17.5, modes=0)
     for control in ("load", "displacement"):
         own, other = (next(e for e in one.folds(control) if e.name == "squeeze-out") for one in (found, exact))
         for field in ("load", "displacement"):
             assert abs(getattr(own, field) - getattr(other, field)) <= own.error[field] < 5e-5
-
-
-def test_the_lattices_own_curve_on_request() -> None:
-    found = cb.trace(REPULSION, model=cb.FreeSpace(cell=9.0, grid=96, averaging=False))
-    assert "averaged" not in {event.verdict for event in found.events}
-
-
-def test_a_loop_through_averages_dissipates_what_the_contact_does() -> None:
-    """Exponential attraction, μ_T = 1.5, under displacement control."""
-    contact = cb.Contact.reduced("exponential", tabor=1.5)
-    exact = cb.hysteresis(contact, control="displacement").dissipated
-    found = cb.hysteresis(contact, control="displacement", model=cb.FreeSpace(cell=12.0, grid=96))
-    assert exact is not None
-    assert found.dissipated is not None
-    assert abs(found.dissipated - exact) < min(3e-3, found.error)
 
 
 def test_arcs_join_where_a_node_has_neither_gap_nor_pressure() -> None:
@@ -138,7 +119,6 @@ def test_a_grid_larger_than_the_memory_is_refused(grid: int) -> None:
     ("contact", "cell", "grid", "name"),
     [
         (cb.Contact.reduced("gauss", tabor=0.89, sign=-1), 10.5, 96, "wetting"),
-        (cb.Contact.reduced("gauss", tabor=0.89, sign=-1), 10.5, 128, "wetting"),
         (cb.Contact.reduced("exponential", tabor=0.8524), 12.5, 96, "pull-off"),
     ],
 )
@@ -202,7 +182,7 @@ def test_exponents_of_averaged_folds() -> None:
         assert averaged.prefactor == pytest.approx(known.prefactor, rel=0.03)
 
 
-@pytest.mark.parametrize(("law", "tabor", "cell"), [(cb.Exponential, 1.0, 10.0), (cb.Gauss, 1.0, 10.0)])
+@pytest.mark.parametrize(("law", "tabor", "cell"), [(cb.Exponential, 1.0, 10.0)])
 def test_curvatures_of_averaged_folds_are_the_contacts(law, tabor: float, cell: float) -> None:
     """Told over rows of nodes, not by the ripples: prefactor and crossover of the pull-off, as without a grid."""
     contact = cb.Contact.reduced(law, tabor=tabor)

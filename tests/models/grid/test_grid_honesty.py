@@ -79,7 +79,7 @@ def test_near_must_be_a_state():
         cb.solve(FILM, load=1.0, near=3, model=cb.FreeSpace(cell=8.0, grid=16))
 
 
-@pytest.mark.parametrize("limit", [1.0, 8.06, 8.5])
+@pytest.mark.parametrize("limit", [1.0, 8.06])
 def test_the_end_of_a_curve_replaces_no_event(limit):
     """The curve ends in contact beyond both folds of the load; by the axisymmetric model there is one such state."""
     diagram = cb.trace(FILM, model=cb.FreeSpace(cell=8.0, grid=48), max_load=limit)
@@ -119,13 +119,12 @@ def test_a_map_that_is_not_periodic_is_said_to_be_repeated():
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-@pytest.mark.parametrize("held", ["load", "displacement"])
 @pytest.mark.parametrize(
-    ("contact", "displacement"),
+    ("contact", "displacement", "held"),
     [
-        (cb.Contact(cb.PowerLaw(1.93, 1.0), cb.VanDerWaals(-1.0, 1.145)), -1.49),
-        (cb.Contact(cb.SphericalCap(5.0), cb.Exponential(-1.0, 1.886)), -2.16),
-        (cb.Contact(cb.Parabola(1.0), cb.InverseSquare(1.0, 0.8)), 1.0),
+        (cb.Contact(cb.PowerLaw(1.93, 1.0), cb.VanDerWaals(-1.0, 1.145)), -1.49, "load"),
+        (cb.Contact(cb.SphericalCap(5.0), cb.Exponential(-1.0, 1.886)), -2.16, "displacement"),
+        (cb.Contact(cb.Parabola(1.0), cb.InverseSquare(1.0, 0.8)), 1.0, "load"),
     ],
 )
 def test_what_a_cell_leaves_out_of_what_is_held_is_felt_in_the_rest(
@@ -153,27 +152,25 @@ def test_the_edge_of_a_cap_is_known_to_be_a_staircase() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-@pytest.mark.parametrize("law", [cb.Exponential(1.0, 0.8), cb.VanDerWaals(-1.0, 1.1)])
-def test_states_next_to_first_touch_are_found_between_the_film_and_the_average(law: cb.Interaction) -> None:
+def test_states_next_to_first_touch_are_found_between_the_film_and_the_average() -> None:
     """A row of the lattice and one of the average of its arcs have no representation in common."""
-    contact, model = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), law), cb.FreeSpace(cell=10.0, grid=48)
+    contact = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), cb.VanDerWaals(-1.0, 1.1))
+    model = cb.FreeSpace(cell=10.0, grid=48)
     branch = cb.trace(contact, "displacement", model=model).branches[0]
     row = int(np.flatnonzero(branch.contact_radius > 0.0)[0])
-    for share in (0.2, 0.7):
-        for k in (row - 2, row - 1, row):
-            d, load = (float((1 - share) * c[k] + share * c[k + 1]) for c in (branch.displacement, branch.load))
-            states = cb.find_all(contact, displacement=d, model=model)
-            loads = sorted(state.load for state in states)
-            assert len(loads) == 3
-            assert min(np.diff(loads)) > 1e-4  # none twice
-            assert min(abs(one - load) for one in loads) < 0.2  # rows are far apart, errors of 0.03
+    for share, k in ((0.7, row - 1), (0.2, row)):
+        d, load = (float((1 - share) * c[k] + share * c[k + 1]) for c in (branch.displacement, branch.load))
+        states = cb.find_all(contact, displacement=d, model=model)
+        loads = sorted(state.load for state in states)
+        assert len(loads) == 3
+        assert min(np.diff(loads)) > 1e-4  # none twice
+        assert min(abs(one - load) for one in loads) < 0.2  # rows are far apart, errors of 0.03
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-@pytest.mark.parametrize("law", [cb.Exponential(1.0, 0.8), cb.VanDerWaals(-1.0, 1.1)])
-def test_a_cell_is_chosen_for_a_tip_far_away(law: cb.Interaction) -> None:
+def test_a_cell_is_chosen_for_a_tip_far_away() -> None:
     """Farther than its interaction reaches: there is a state, with next to no load."""
-    contact = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), law)
+    contact = cb.Contact(cb.EllipticParaboloid(2.0, 0.5), cb.Exponential(1.0, 0.8))
     for found in (
         cb.solve(contact, displacement=-40.0, model=cb.FreeSpace(grid=48)),
         cb.find_all(contact, displacement=-40.0, model=cb.FreeSpace(grid=48))[0],
@@ -187,8 +184,8 @@ def test_the_value_of_a_row_is_found_again() -> None:
     tip = cb.HeightMap.self_affine(48, 10.0, 0.6, rms_slope=0.2, seed=3)
     contact, model = cb.Contact(tip, cb.Exponential(-0.1, 0.7)), cb.Periodic(grid=48)
     branch = cb.trace(contact, max_load=2.0, model=model).branches[0]
-    for row in range(1, len(branch.load) - 1, 2):
-        for off in (0.0, 1e-10, -1e-10):
+    for row in range(1, len(branch.load) - 1, 6):
+        for off in (1e-10, -1e-10):
             states = cb.find_all(contact, load=float(branch.load[row]) * (1.0 + off), model=model)
             assert min(abs(s.displacement - branch.displacement[row]) for s in states) < 1e-4
 
@@ -241,17 +238,16 @@ def test_a_contact_does_not_open_again_by_a_leap() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-@pytest.mark.parametrize("law", [cb.Exponential(-1.0, 1.0), cb.VanDerWaals(1.0, 1.0)])
-def test_a_cell_too_small_for_a_cone_is_known_to_be(law: cb.Interaction) -> None:
+@pytest.mark.parametrize("cell", [12.0, 22.0])
+def test_a_cell_too_small_for_a_cone_is_known_to_be(cell: float) -> None:
     """Heights of a cone grow as the distance only: outside of a small cell there is more than what is inside."""
-    contact = cb.Contact(cb.Cone(slope=0.5), law)
-    exact = next(event for event in cb.trace(contact).events if event.kind == "touch")
-    for cell in (12.0, 22.0):
-        diagram = cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=48))
-        touch = next(event for event in diagram.events if event.kind == "touch")
-        assert abs(touch.load - exact.load) <= 1.5 * touch.error["load"]
-        advised = float(re.search("use a cell of about ([0-9.]+)", diagram.message)[1])
-        assert advised > 70.0
+    contact = cb.Contact(cb.Cone(slope=0.5), cb.Exponential(-1.0, 1.0))
+    exact = next(event for event in cb.trace(contact, modes=0).events if event.kind == "touch")
+    diagram = cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=48))
+    touch = next(event for event in diagram.events if event.kind == "touch")
+    assert abs(touch.load - exact.load) <= 1.5 * touch.error["load"]
+    advised = float(re.search("use a cell of about ([0-9.]+)", diagram.message)[1])
+    assert advised > 70.0
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")

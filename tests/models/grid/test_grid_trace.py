@@ -59,8 +59,7 @@ def test_morse_indices_along_the_curve() -> None:
     assert branch.unstable_displacement[~between].max() == 0
 
 
-@pytest.mark.parametrize("contact", [REPULSION, ATTRACTION], ids=["repulsion", "attraction"])
-@pytest.mark.parametrize("grid", [64, 128])
+@pytest.mark.parametrize(("contact", "grid"), [(REPULSION, 64), (REPULSION, 128), (ATTRACTION, 64)])
 def test_error_estimates_are_honest(contact: cb.Contact, grid: int) -> None:
     cell = 8.0 if contact is REPULSION else 12.0
     ratios = []
@@ -153,7 +152,7 @@ def test_controls_agree_on_common_points() -> None:
 def test_elliptic_paraboloid_through_pull_off() -> None:
     ellipse = cb.EllipticParaboloid(radius_x=np.sqrt(2.0), radius_y=np.sqrt(0.5))
     contact = cb.Contact(tip=ellipse, interaction=cb.Gauss(1.0, 1.0))
-    diagram = cb.trace(contact, control="displacement", model=cb.FreeSpace(cell=13.0, grid=96))
+    diagram = cb.trace(contact, control="displacement", model=cb.FreeSpace(cell=13.0, grid=64))
     assert diagram.status == "complete"
     # With a long-range law the load is close to that of the parabola with the same Gaussian curvature (Derjaguin).
     parabola = exact(cb.Contact.reduced("gauss", tabor=1.0)).thresholds["pull_off_load"]
