@@ -31,6 +31,7 @@ def test_a_fold_in_the_corner_where_the_first_node_touches() -> None:
     ("hurst", "slope", "seed", "law"),
     [
         (0.4957, 0.3197, 193, cb.Gauss(-0.02, 1.3036)),
+        (0.43096, 0.502374, 178, cb.Gauss(-0.02, 0.545824)),
         (0.508, 0.377, 529, cb.Gauss(-0.02, 0.77) + cb.Exponential(0.01, 1.54)),
     ],
 )
