@@ -13,6 +13,7 @@ import contbranch as cb
 from contbranch.cli import main
 from contbranch.continuation import CorrectionError, Outcome
 from contbranch.control import as_control
+from contbranch.curve import curves
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
 
@@ -205,6 +206,14 @@ def test_what_the_path_jumps_to_is_traced_however_far_it_is():
     soft = cb.hysteresis(cb.Contact.reduced("exponential", 1.0), cb.Spring(0.02), max_load=1.0)
     assert soft.closed
     assert all(jump.to is not None for jump in soft.jumps)
+
+
+def test_a_loop_whose_curve_ends_before_a_jump_does_is_incomplete(monkeypatch):
+    """What is pressed does not leave for infinity."""
+    monkeypatch.setattr(curves, "EXTENSIONS", 1)
+    loop = cb.hysteresis(cb.Contact.reduced("gauss", 1.0, -1), max_load=1.0, accuracy=1e-4)
+    assert (loop.status, loop.closed, loop.dissipated) == ("incomplete", False, None)
+    assert "Where the jump from squeeze-out ends was not reached" in loop.message
 
 
 def test_the_command_prints_a_document(capsys):

@@ -30,10 +30,10 @@ from contbranch.results.diagram import Cost, State
 from contbranch.results.record import OBSERVABLES
 from contbranch.watch import over
 
-__all__ = ["EXTENSIONS", "Coexisting", "FollowedCurves", "Model", "Route", "landed"]
+__all__ = ["Coexisting", "FollowedCurves", "Model", "Route", "landed"]
 
 # A curve is continued until what a path jumps to lies on it: beyond the fold's value by this share, and as often.
-BEYOND, EXTENSIONS = 1e-3, 3
+BEYOND, EXTENSIONS = 1e-3, 8
 # The rows of a path count themselves, in integrals along it: they are as accurate as the events, down to this. So are
 # those that tell whether a value so close to a fold, relative to max(1, |value|), is passed.
 FINE, BESIDE = 1e-9, 3e-6
@@ -231,7 +231,7 @@ class FollowedCurves:
             request = replace(request, target=value + BEYOND * max(1.0, abs(value)), held=control)
         notes = [landed(self.contact, *note) for note in walk.notes]
         notes += [left(self.contact, *one) for one in walk.astray]
-        complete = curve.complete and not walk.astray
+        complete = curve.complete and not (walk.astray or lost)
         return Route(walk, legs, jumps, curve, complete, " ".join([curve.message, *notes]).strip())
 
     def _crossings(self, request: Request, field: str, value: float) -> tuple[Track, list[Crossing]]:
