@@ -126,15 +126,15 @@ class Crossed(Problem):
 
 
 def test_all_branch_points_of_a_step():
-    """However many lie in one step, all are found, and no step passes to another curve; of 60, three may fail."""
+    """However many lie in one step, all are found, and no step passes to another curve; of 30, one may fail."""
     missed = []
-    for seed in range(60):
+    for seed in range(30):
         problem = Crossed(seed)
         curve = trace_curve(problem, problem.start(-0.5), -0.5, (-0.5, 1.5))
         found = np.array([point.parameter for point in curve.branch_points])
         if len(found) != len(problem.places) or np.abs(found - problem.places).max() > 1e-8:
             missed.append((seed, found, problem.places))
-    assert len(missed) <= 3, missed
+    assert len(missed) <= 1, missed
 
 
 def test_branch_points_beside_the_one_that_is_left():

@@ -241,11 +241,12 @@ def test_a_fold_that_only_nears_first_touch_is_followed_on():
 
 def test_a_fold_that_passes_first_touch_beyond_the_range_ends_at_the_range():
     """The contact of so wide a law counts as next to first touch long before it comes there, at a share of 0.4998."""
-    contact = cb.Contact(cb.Cone(0.22), cb.Exponential(-0.321, 426.374) + cb.VanDerWaals(0.679, 720.999))
-    pulled = next(e for e in cb.trace(contact, modes=0).events if (e.name, e.control) == ("pull-off", "load"))
-    followed = cb.follow(pulled, "share", 0.539)
+    contact = cb.Contact(cb.Cone(0.22), cb.Exponential(-0.42, 426.374) + cb.VanDerWaals(0.58, 720.999))
+    diagram = cb.trace(contact, accuracy=1e-5, max_load=1.0, modes=0)
+    pulled = next(e for e in diagram.events if (e.name, e.control) == ("pull-off", "load"))
+    followed = cb.follow(pulled, "share", 0.539, accuracy=1e-5)
     assert (followed.status, followed.special) == ("complete", ())
     assert followed.curve["share"].min() == followed.curve["share"][-1] == 0.539
     there = cb.Contact(cb.Cone(0.22), cb.Exponential(-0.461, 426.374) + cb.VanDerWaals(0.539, 720.999))
-    expected = cb.trace(there, modes=0).thresholds["pull_off_load"]
+    expected = cb.trace(there, accuracy=1e-5, max_load=1.0, modes=0).thresholds["pull_off_load"]
     assert followed.curve["load"][-1] == pytest.approx(expected, rel=1e-6)

@@ -17,9 +17,9 @@ def test_next_to_first_touch_errors_say_on_which_side_a_state_may_be(law, accura
     """The state of a load next to touch, against that of the same load solved for by its radius, or displacement."""
     contact = cb.Contact(cb.Parabola(1.0), law)
     (touch,) = (event for event in cb.trace(contact, accuracy=1e-12, modes=0).events if event.kind == "touch")
-    radii = [{"contact_radius": (times * accuracy) ** 0.5} for times in (0.1, 10.0, 100.0)]
+    radii = [{"contact_radius": (times * accuracy) ** 0.5} for times in (0.1, 100.0)]
     below = np.sign(cb.solve(contact, contact_radius=1e-3).load - touch.load)  # loads beyond touch, with contact
-    films = [{"displacement": touch.displacement - below * times * accuracy} for times in (0.1, 10.0)]
+    films = [{"displacement": touch.displacement - below * times * accuracy} for times in (0.1,)]
     for where in (*radii, *films):
         wanted = next_to_touch(cb.solve(contact, **where, accuracy=1e-12), touch)
         state = next_to_touch(cb.solve(contact, load=wanted.load, accuracy=accuracy), touch)
@@ -33,7 +33,7 @@ def test_next_to_first_touch_errors_say_on_which_side_a_state_may_be(law, accura
 
 def test_errors_beyond_the_accuracy_are_told():
     contact = cb.Contact.reduced("van-der-waals", 1.0, -1)
-    folds = cb.trace(contact, accuracy=1e-12).events
+    folds = cb.trace(contact, accuracy=1e-12, max_load=12.0, modes=0).events
     fold = next(event for event in folds if event.name == "squeeze-out" and event.control == "load")
     found = cb.solve(contact, load=fold.load - 1e-12, accuracy=1e-10)
     worst = max(

@@ -116,7 +116,7 @@ def test_work_from_row_to_row_is_the_change_of_energy_across_meshes():
     """
     law = cb.Layered(-1.0, 0.16140209683737686, wavelength=0.49066237438562565, phase=0.0)
     contact = cb.Contact(cb.Parabola(1.0), law)
-    points = FollowedCurves(contact, choose(contact)[0]).track(Request(1e-8, DISPLACEMENT, 5.0)).points
+    points = FollowedCurves(contact, choose(contact)[0]).track(Request(1e-8, DISPLACEMENT, 3.0)).points
     changes = 0
     for first, last in pairwise(points):
         if not 1e-3 < abs(first.observables["load"]) < 2.0 or not first.problem.joins(last.problem):

@@ -93,7 +93,7 @@ def test_errors_of_rows(law, sign, tabor):
             assert abs(value - getattr(true, name)) <= 2 * estimate[row] + 1e-9 * max(1.0, abs(value))
 
 
-LAWS = (cb.Exponential, cb.Gauss, cb.VanDerWaals, cb.InverseSquare)
+LAWS = (cb.Exponential, cb.Gauss, cb.VanDerWaals)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
@@ -126,7 +126,7 @@ def test_diagrams_are_complete_and_their_indices_follow_the_folds(law, sign, tab
             assert (loads[row] * approach[row] < 0) == (extra[row] == 1), row
     # both ends of the curve are stable, far away and pressed together
     assert branch.unstable_load[-1] == branch.unstable_displacement[-1] == branch.unstable_displacement[0] == 0
-    if law in (cb.Exponential, cb.InverseSquare) and sign < 0:  # v'' ≥ 0: a convex energy has no fold
+    if law is cb.Exponential and sign < 0:  # v'' ≥ 0: a convex energy has no fold
         assert not list(diagram.folds())
         assert not branch.unstable_load.any()
         assert diagram.thresholds["squeeze_out_load"] == diagram.thresholds["wetting_load"]
@@ -159,7 +159,7 @@ def test_where_stiff_contacts_are_soft_the_finer_mesh_itself_tells_the_error():
     contact = cb.Contact.reduced("van-der-waals", 290.0)
     track = FollowedCurves(contact, cb.Axisymmetric()).track(Request(1e-6, modes=0, events=False))
     excess = []
-    for point in [one for one in track.points if -0.05 < one.parameter < 0.0][::2]:
+    for point in [one for one in track.points if -0.05 < one.parameter < 0.0][::3]:
         problem, x, p = point.problem, point.x, point.parameter
         halved = problem.halved(point, 0.0)
         there = halved.values(halved.solve_at(problem.carried(x, x, p, halved), p), p)

@@ -155,7 +155,6 @@ CASES = [
     pytest.param(cb.Gauss(-1.0, 1.0), {"contact_radius": 0.35}, 160, 2.0, 1e-8, id="gauss-contact"),
     pytest.param(cb.VanDerWaals(1.0, 1.0), {"contact_radius": 1.0}, 200, 2.0, 3e-9, id="van-der-waals-contact"),
     pytest.param(cb.VanDerWaals(1.0, 1.0), {"displacement": -1.5}, 140, 2.0, 1e-9, id="van-der-waals-apart"),
-    pytest.param(cb.InverseSquare(-1.0, 1.0), {"contact_radius": 1.0}, 200, 4.0, 1e-8, id="inverse-square-contact"),
     pytest.param(DLVO, {"contact_radius": 1.0}, 200, 3.0, 2e-8, id="sum-contact"),
 ]
 

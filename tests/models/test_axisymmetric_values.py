@@ -128,7 +128,7 @@ def test_jkr_limit_of_exponential_attraction():
     distance: dict[str, dict[float, float]] = {name: {} for name in quantities}
     for tabor in (16.0, 32.0):
         contact = cb.Contact.reduced(cb.Exponential, tabor)
-        found = dict(cb.trace(contact, accuracy=1e-9).thresholds)
+        found = dict(cb.trace(contact, accuracy=1e-9, max_load=1.0, modes=0).thresholds)
         found["zero_load_radius"] = cb.solve(contact, load=0.0, accuracy=1e-9).contact_radius
         for name, limit in quantities.items():
             distance[name][tabor] = float(limit) - found[name]
@@ -153,7 +153,8 @@ def test_jkr_limit_of_other_tips(tip, folds):
     load, displacement = folds
     distance: dict[str, dict[float, float]] = {"load": {}, "radius": {}, "displacement": {}}
     for reach in (1 / 16, 1 / 32):
-        found = cb.trace(cb.Contact(tip, cb.Exponential(1.0, reach), 1.0), accuracy=1e-8).thresholds
+        contact = cb.Contact(tip, cb.Exponential(1.0, reach), 1.0)
+        found = cb.trace(contact, accuracy=1e-8, max_load=1.0, modes=0).thresholds
         distance["load"][1 / reach] = float(load.load) - found["pull_off_load"]
         distance["radius"][1 / reach] = float(load.contact_radius) - found["pull_off_radius"]
         distance["displacement"][1 / reach] = float(displacement.displacement) - found["pull_off_displacement"]

@@ -141,7 +141,7 @@ def test_curve_runs_from_no_interaction_into_contact_and_meets_its_events(tabor)
     assert not np.any(branch.unstable_azimuthal)
 
 
-@pytest.mark.parametrize("tabor", TABORS)
+@pytest.mark.parametrize("tabor", TABORS[::2])
 def test_work_along_the_curve_is_the_energy(tabor):
     # dV/dd = F: by quadrature of the closed forms, over the radius of the interaction and then over that of the contact
     branch = traced(tabor).branches[0]

@@ -17,7 +17,6 @@ from contbranch.models.rings.problem import RingProblem
 
 CASES = [
     (3.5, cb.Exponential(-1.0, 8.0), 6.8, (0.5, 0.62)),
-    (3.855, cb.Exponential(-1.0, 5.5), 5.5, (0.6, 0.8)),
     (4.0, cb.Gauss(1.0, 10.0), 5.2, (-0.3, -0.1)),
 ]
 SOFT = cb.Contact(cb.PowerLaw(4.086, 1.0), cb.Layered(-1.0, 494.48550196588604, 1077.9783942856316, 0.0))
@@ -72,8 +71,7 @@ def first_contact(exponent, law, reach, bracket, count=80):
     ("case", "d", "load", "accuracy", "most"),
     [
         (CASES[0], 0.58829332007392, 2.38743785595116, 1e-6, (1e-6, 3e-6)),
-        (CASES[1], 0.73686707478392, 2.54289705454403, 1e-9, (1e-11, 2e-11)),
-        (CASES[2], -0.13850519380490, -1.02051142122341, 1e-9, (1e-11, 2e-11)),
+        (CASES[1], -0.13850519380490, -1.02051142122341, 1e-9, (1e-11, 2e-11)),
     ],
 )
 def test_contact_begins_on_a_ring_where_the_gap_says(case, d, load, accuracy, most):
@@ -90,15 +88,13 @@ def test_contact_begins_on_a_ring_where_the_gap_says(case, d, load, accuracy, mo
     assert f"ring of radius {radius:.4f}"[:-1] in first.message
 
 
-@pytest.mark.parametrize(
-    ("exponent", "law", "most"), [(3.5, cb.Gauss(1.0, 0.07), 150), (3.5, cb.Exponential(-1.0, 1 / 12), 100)]
-)
-def test_stiff_contacts_grow_from_rings(exponent, law, most):
+def test_a_stiff_contact_grows_from_a_ring():
     """Steps are as long as the curve allows; on tips z ∝ rⁿ (2n + 1) V_ela + 2 V_fr − n ∫ g p d²r = n F d."""
-    contact = cb.Contact(tip=cb.PowerLaw(exponent, 1.0), interaction=law, modulus=1.0)
+    exponent = 3.5
+    contact = cb.Contact(cb.PowerLaw(exponent, 1.0), cb.Gauss(1.0, 0.07), 1.0)
     diagram = cb.trace(contact, accuracy=1e-4, modes=0)
     assert diagram.status == "complete", diagram.message
-    assert len(diagram.branches[0].load) < most
+    assert len(diagram.branches[0].load) < 150
     topology = [event for event in diagram.events if event.kind == "topology"]
     assert topology
     for event in [*topology, diagram.events[-1]]:

@@ -19,7 +19,7 @@ CONTACT = cb.Contact(cb.PowerLaw(3.5, 1.0), cb.Exponential(-1.0, 8.0), 1.0)
 
 @pytest.fixture(scope="module")
 def diagram():
-    return cb.trace(CONTACT, accuracy=1e-7, modes=0)
+    return cb.trace(CONTACT, accuracy=1e-5, max_load=8.0, modes=0)
 
 
 def by(event):
@@ -28,7 +28,7 @@ def by(event):
 
 def test_a_ring_closes_to_the_same_disc_in_both_models(diagram, monkeypatch):
     monkeypatch.setattr(changes, "handed", lambda point: None)
-    free = cb.trace(CONTACT, accuracy=1e-7, modes=0)
+    free = cb.trace(CONTACT, accuracy=1e-5, max_load=8.0, modes=0)
     assert diagram.status == "complete", diagram.message
     first, closing = (event for event in diagram.events if event.kind == "topology")
     assert (by(first), by(closing), by(diagram.events[-1])) == (RingProblem, ContactProblem, ContactProblem)

@@ -145,10 +145,9 @@ def first_change(contact: cb.Contact, accuracy: float, target: float = 0.1, mode
     return next(event for event in events if event.kind == "topology")
 
 
-@pytest.mark.parametrize("tabor", [0.4, 2.5])
-def test_disc_opens_where_hertz_pressure_reaches_the_law(tabor: float) -> None:
+def test_disc_opens_where_hertz_pressure_reaches_the_law() -> None:
     """Up to then Hertz' contact with a wall at g = z0: p(0) = 2c/π = σ, d + z0 = c², F = 4c³/3."""
-    sigma = tabor
+    sigma = tabor = 2.5
     contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=tabor, sign=-1)
     event = first_change(contact, 1e-8)
     c = math.pi * sigma / 2
@@ -471,7 +470,9 @@ def test_taking_over_from_a_disc() -> None:
 def test_both_models_have_the_same_exponents() -> None:
     """At the folds of a film: by contact radius and central gap, along d here and along the contact there."""
     contact = cb.Contact.reduced("gauss", 0.6, -1)
-    ring, disc = (cb.trace(contact, accuracy=1e-5, model=model, modes=0) for model in (Rings(), cb.Axisymmetric()))
+    ring, disc = (
+        cb.trace(contact, accuracy=1e-5, max_load=7.5, model=model, modes=0) for model in (Rings(), cb.Axisymmetric())
+    )
     pairs = list(zip(ring.events, disc.events, strict=True))
     assert [event.kind for event in ring.events] == ["fold", "touch", "fold", "end"]
     for here, there in (pairs[0], pairs[2]):
