@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from continuation_problems import Scalar, circle, cusp, graph, pitchfork
 
-from contbranch.continuation import Options, Outcome, Problem, trace_curve
+from contbranch.continuation import Options, Outcome, Problem, StopAt, trace_curve
 
 
 def test_circle_is_closed_and_has_two_folds():
@@ -152,3 +152,19 @@ def test_own_second_derivative_is_used():
     curve = trace_curve(problem, [1.0], 0.0, (0.0, 2.0))
     assert problem.asked > 0
     assert curve.folds[0].parameter == pytest.approx(1.0, abs=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_folds_of_random_polynomials(seed):
+    """p = P(x) with two random pairs of folds, 2e-3 to 0.6 apart, and a single fold; P' has exactly these zeros."""
+    generator = np.random.default_rng(seed)
+    centres = generator.uniform([-2.0, 0.2], [-0.2, 2.0])
+    halves = 10 ** generator.uniform(-3.0, -0.5, 2)
+    roots = np.sort([*(centres - halves), *(centres + halves), generator.uniform(-2.5, 2.5)])
+    slope = np.poly(roots)
+    height = np.polyint(slope)
+    problem = graph(lambda x: np.polyval(height, x), lambda x: np.polyval(slope, x))
+    start = float(np.polyval(height, -3.0))
+    curve = trace_curve(problem, [-3.0], start, (-1e4, 1e4), stop=StopAt(predicate=lambda point: abs(point.x[0]) > 3.5))
+    assert curve.status == "complete"
+    assert sorted(fold.x[0] for fold in curve.folds) == pytest.approx(roots, abs=1e-8)

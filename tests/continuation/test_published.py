@@ -213,7 +213,7 @@ def test_gelfand_with_neumann_conditions():
     assert branch.x[0] == pytest.approx(branch.x[-1][::-1], rel=1e-4)
 
 
-@pytest.mark.parametrize("first", range(0, 100, 20))
+@pytest.mark.parametrize("first", range(0, 200, 20))
 def test_every_fold_of_random_curves_once_and_in_order(first):
     """p = P(x), P' with five random zeros, two pairs of them 2e-3 to 0.6 apart: often several within one step."""
     for seed in range(first, first + 20):

@@ -262,7 +262,7 @@ def indices_between(first, ends, control, controls, known):
     return found
 
 
-@pytest.mark.parametrize("seed", range(100))
+@pytest.mark.parametrize("seed", range(200))
 def test_every_fold_is_found_once_in_order_with_its_index(seed):
     rng = np.random.default_rng(seed)
     arcs = random_arcs(rng)
