@@ -24,7 +24,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")
     (folder / "contact.toml").write_text(CONTACT)
     (folder / "curves").mkdir()
-    written(folder / "curves", 2, count=150)
+    written(folder / "curves", 2, count=80)
     return folder
 
 

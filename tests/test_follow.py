@@ -153,13 +153,13 @@ def test_coexistence_of_a_mixed_repulsion_ends_at_first_touch_by_three_routes():
 
 
 def test_two_folds_without_contact_merge_in_a_smooth_cusp():
-    folds = {fold.name: fold for fold in traced(dlvo(-1.6), accuracy=1e-7).folds("displacement")}
+    folds = {fold.name: fold for fold in traced(dlvo(-1.65), accuracy=1e-7).folds("displacement")}
     followed = cb.follow(folds["squeeze-out"], "interaction[1].work_of_adhesion", to=-1.7, accuracy=1e-7)
     (cusp,) = followed.special
     assert cusp.kind == "cusp"
     assert cusp.contact_radius == 0.0
     assert cusp.central_gap > 0.1
-    assert agrees(followed.at(-1.6)[-1], folds["wetting"], 1e-6)
+    assert agrees(followed.at(-1.65)[-1], folds["wetting"], 1e-6)
     beside = (-1e-3, 1e-3, 1e-5)
     counts = [sum(1 for _ in traced(dlvo(cusp.value + d)).folds("displacement")) for d in beside]
     assert counts == [0, 2, 2]
