@@ -32,7 +32,7 @@ def cascade() -> Figure:
 
 def cascade_loop() -> Figure:
     """The loop of a cascade that never touches shows its central gap."""
-    return cb.hysteresis(layers(0.4), accuracy=1e-4).plot()
+    return cb.hysteresis(layers(0.4), accuracy=1e-3).plot()
 
 
 def wetting() -> Figure:
