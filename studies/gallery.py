@@ -32,7 +32,7 @@ def cascade() -> Figure:
 
 def cascade_loop() -> Figure:
     """The loop of a cascade that never touches shows its central gap."""
-    return cb.hysteresis(layers(0.4), accuracy=1e-4).plot()
+    return cb.hysteresis(layers(0.4), accuracy=1e-3).plot()
 
 
 def wetting() -> Figure:
@@ -61,7 +61,7 @@ def spring_loop() -> Figure:
 def regions() -> Figure:
     """Regions of stable states, with units."""
     contact = cb.Contact.physical(**OMCTS, work_of_adhesion="-40 mN/m")
-    return cb.phase_diagram(contact, vary="interaction.range", between=(0.3, 3.0), accuracy=1e-4).plot()
+    return cb.phase_diagram(contact, vary="interaction.range", between=(0.3, 3.0), samples=5, accuracy=1e-4).plot()
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {

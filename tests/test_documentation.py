@@ -41,9 +41,9 @@ def fit_for_force_curves(folder: Path) -> None:
     for segment, sense, ends in (("approach", 1, (-100.0, top)), ("retract", -1, (top, -700.0))):
         here = loop.path.direction == sense
         order = np.argsort(loop.path.position[here])
-        piezo = np.linspace(*ends, 400)
+        piezo = np.linspace(*ends, 150)
         force = np.interp(piezo, loop.path.position[here][order], loop.path.load[here][order], left=0.0)
-        lines += [f"{x},{f},{segment}" for x, f in zip(piezo, force + rng.normal(0.0, 0.1, 400), strict=True)]
+        lines += [f"{x},{f},{segment}" for x, f in zip(piezo, force + rng.normal(0.0, 0.1, 150), strict=True)]
     (folder / "curve.csv").write_text("\n".join(lines), encoding="utf-8")
     (folder / "contact.toml").write_text(
         '[tip]\nshape = "parabola"\nradius = "2 um"\n[material]\nmodulus = "100 MPa"\n'

@@ -156,11 +156,9 @@ def test_interpolated_curves_have_the_jumps_of_traced_loops(law):
 
 
 # -- fits -------------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("law", ["maugis-dugdale", "exponential"])
-def test_values_come_back_within_their_errors(law, curve):
-    data = curve if law == "maugis-dugdale" else made(law)
-    start = contact(law, modulus=0.05, work_of_adhesion=0.01, range=2.0)
-    fit = cb.fit(data, start, ("work_of_adhesion", "modulus", "range"))
+def test_values_come_back_within_their_errors(curve):
+    start = contact(modulus=0.05, work_of_adhesion=0.01, range=2.0)
+    fit = cb.fit(curve, start, ("work_of_adhesion", "modulus", "range"))
     true = TRUE | {"contact_point": 30.0, "baseline": 5.0, "tilt": 0.02}
     assert fit.status == "complete"
     assert {"work_of_adhesion", "modulus"} <= set(fit.identifiable)
@@ -245,11 +243,11 @@ def test_a_contact_without_interaction_is_that_of_hertz_and_sneddon(tip):
     load = 2 * bare.modulus * (a * depth - tip.transform_integral(a))
     spring = 2 * bare.modulus * a[-1]
     piezo = depth + load / spring
-    way = np.linspace(-piezo[-1], piezo[-1], 400)
+    way = np.linspace(-piezo[-1], piezo[-1], 150)
     way = np.concatenate([way, way[::-1]])
-    noise = 3e-3 * load[-1] * NOISE / 0.3
+    noise = 3e-3 * load[-1] * NOISE[:300] / 0.3
     force = np.interp(way, piezo, load, left=0.0) + noise + 0.1 * load[-1]
-    curve = cb.ForceCurve(piezo=way + 7.0, force=force, spring=spring, segment=np.repeat([0, 1], 400))
+    curve = cb.ForceCurve(piezo=way + 7.0, force=force, spring=spring, segment=np.repeat([0, 1], 150))
     found = cb.fit(curve, replace(bare, modulus=5 * bare.modulus), "modulus")
     assert (found.status, found.law, found.jumps) == ("complete", "hertz", ())
     assert {"modulus", "contact_point"} <= set(found.identifiable)

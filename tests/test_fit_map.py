@@ -24,7 +24,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")
     (folder / "contact.toml").write_text(CONTACT)
     (folder / "curves").mkdir()
-    written(folder / "curves", 2, count=150)
+    written(folder / "curves", 2, count=80)
     return folder
 
 
@@ -81,7 +81,8 @@ def test_many_curves_are_never_taken_for_one(folder, capsys, tmp_path):
     assert "2 curves" in capsys.readouterr().err
     assert main(["fit", str(both), contact, "-o", str(tmp_path / "m.h5"), "--shape", "1", "--spring", "5 N/m"]) == 2
     assert "ROWSxCOLUMNS" in capsys.readouterr().err
-    options = ["--spring", "5 N/m", "-o", tmp_path / "m.h5", "--shape", "2x1", "--workers", "1", "--json", "-"]
+    options = ["--free", "modulus", "--spring", "5 N/m", "-o", tmp_path / "m.h5"]
+    options += ["--shape", "2x1", "--workers", "1", "--json", "-"]
     assert main(["fit", str(both), contact, *map(str, options)]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["format"] == "contbranch-fit-map"

@@ -47,9 +47,8 @@ def test_the_loss_tends_to_that_of_jkr():
 
 
 CASES = [
-    ("gauss", 2.0, -1, "load", 2),
+    ("gauss", 1.0, -1, "load", 2),
     ("gauss", 1.0, -1, "displacement", 2),
-    ("exponential", 2.0, 1, "displacement", 2),
     ("exponential", 1.0, 1, "spring:0.5", 2),
     ("maugis-dugdale", 1.0, 1, "spring:3", 2),
 ]

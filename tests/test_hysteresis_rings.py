@@ -26,8 +26,8 @@ def step():
 
 @pytest.fixture(scope="module")
 def blunt():
-    # The load beyond which the film in the middle is squeezed out, too, is 9.54.
-    return cb.hysteresis(BLUNT, accuracy=1e-4, max_load=9.3)
+    # Squeezed out on the ring at 9.13; the load beyond which the film in the middle is squeezed out, too, is 9.54.
+    return cb.hysteresis(BLUNT, accuracy=1e-3, max_load=9.14)
 
 
 def test_convex_energies_make_reversible_paths(step):
@@ -75,8 +75,8 @@ def test_a_film_squeezed_out_on_a_ring_stays_in_the_middle(blunt):
     for jump in blunt.jumps:
         assert jump.to.load == pytest.approx(jump.start.load, abs=1e-4)
         assert jump.dissipated > 0
-        # dV/dd = F: the area is integrated along the unstable part, through both models and the change between them.
-        assert jump.area == pytest.approx(jump.dissipated, abs=1e-4)
+    # dV/dd = F: the area is integrated along the unstable part, through both models and the change between them.
+    assert squeezed.area == pytest.approx(squeezed.dissipated, abs=1e-4)
     in_the_ring = blunt.path.leg == 1
     assert (blunt.path.central_gap[in_the_ring] > 0.1).all()
     assert (blunt.path.contact_radius[in_the_ring] > 1.0).all()

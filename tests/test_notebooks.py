@@ -42,11 +42,11 @@ def test_nothing_prints_arrays_or_leaves_bars(executed):
 
 
 def test_results_say_what_they_are_in_three_lines():
-    contact = cb.Contact.reduced("gauss", tabor=1.0, sign=-1)
-    diagram = cb.trace(contact, accuracy=1e-4)
-    state = cb.solve(contact, load=8.2, accuracy=1e-4)
-    loop = cb.hysteresis(contact, accuracy=1e-4)
-    everything = [diagram, state, loop, cb.find_all(contact, load=8.2, accuracy=1e-4), cb.advise(contact)]
+    contact = cb.Contact.reduced("maugis-dugdale", tabor=1.0)
+    diagram = cb.trace(contact)
+    state = cb.solve(contact, load=1.0)
+    loop = cb.hysteresis(contact, "displacement")
+    everything = [diagram, state, loop, cb.find_all(contact, load=1.0), cb.advise(contact)]
     for one in [*everything, diagram.branches[0], diagram.events[0], diagram.branches[0].state(2), loop.path]:
         assert len(repr(one).splitlines()) <= 3
         assert all(len(line) <= 120 for line in repr(one).splitlines())
@@ -55,6 +55,6 @@ def test_results_say_what_they_are_in_three_lines():
         assert ("<img" in page) == (picture is not None) == hasattr(one, "plot")
         assert "<td" in page
         assert "complete" in repr(one)
-        assert "gauss" in repr(one)
-    assert "squeeze_out_load" in repr(diagram)
-    assert "squeeze out load" in str(diagram)
+        assert "maugis-dugdale" in repr(one)
+    assert "pull_off_load" in repr(diagram)
+    assert "pull off load" in str(diagram)

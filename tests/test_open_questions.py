@@ -53,7 +53,7 @@ def test_displacement_in_the_centre():
 
 @pytest.fixture(scope="module")
 def gauss():
-    return [onset.measure(cb.Gauss, 2.0**-k) for k in (5, 7, 9, 11)]
+    return [onset.measure(cb.Gauss, 2.0**-k) for k in (5, 8, 11)]
 
 
 @pytest.mark.parametrize("quantity", onset.QUANTITIES)
@@ -143,8 +143,6 @@ def test_normal_form_where_touch_is_elastic():
     wetting = kappa.normal_form("Gauss, wetting", 2.0**-6).crossover
     assert wetting < limit < pull_off
     assert pull_off - wetting < 2e-2 * limit
-    # The part of a JKR contact in which the pressure is positive: 1350π/289, reached from below.
-    assert 0.95 * 1350 * math.pi / 289 > kappa.normal_form("Gauss, pull-off", 4.0).crossover > 0.8 * kappa.FLAT_JKR
 
 
 def test_normal_form_agrees_with_the_diagram():
@@ -228,8 +226,8 @@ def test_jkr_exponent():
 
 
 def test_chart_of_kappa(monkeypatch, tmp_path):
-    """Four panels, here with two of the cases and two Tabor coefficients."""
-    monkeypatch.setattr(kappa, "CURVES", (1 / 16, 1.0))
+    """Four panels, here with two of the cases and one Tabor coefficient."""
+    monkeypatch.setattr(kappa, "CURVES", (1.0,))
     names = ("Gauss, wetting", "exponential, touch")
     monkeypatch.setattr(kappa, "CASES", {name: kappa.CASES[name] for name in names})
     figure = kappa.draw()
