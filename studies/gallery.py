@@ -19,9 +19,9 @@ import contbranch as cb
 OMCTS = {"radius": "1 um", "modulus": "5 GPa", "interaction": "gauss", "range": "1 nm"}
 
 
-def layers(reach: float = 0.8) -> cb.Contact:
+def layers(work: float = -1.0) -> cb.Contact:
     """A contact with many layers: a cascade of folds."""
-    law = cb.Layered(work_of_adhesion=-1.0, range=reach, wavelength=1.6)
+    law = cb.Layered(work_of_adhesion=work, range=0.8, wavelength=1.6)
     return cb.Contact(tip=cb.Parabola(radius=1.0), interaction=law)
 
 
@@ -32,7 +32,7 @@ def cascade() -> Figure:
 
 def cascade_loop() -> Figure:
     """The loop of a cascade that never touches shows its central gap."""
-    return cb.hysteresis(layers(0.4), accuracy=1e-3).plot()
+    return cb.hysteresis(layers(), accuracy=1e-4).plot()
 
 
 def wetting() -> Figure:
@@ -61,7 +61,7 @@ def spring_loop() -> Figure:
 def regions() -> Figure:
     """Regions of stable states, with units."""
     contact = cb.Contact.physical(**OMCTS, work_of_adhesion="-40 mN/m")
-    return cb.phase_diagram(contact, vary="interaction.range", between=(0.3, 3.0), samples=5, accuracy=1e-4).plot()
+    return cb.phase_diagram(contact, vary="interaction.range", between=(0.3, 3.0), accuracy=1e-4).plot()
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {

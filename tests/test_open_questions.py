@@ -143,6 +143,8 @@ def test_normal_form_where_touch_is_elastic():
     wetting = kappa.normal_form("Gauss, wetting", 2.0**-6).crossover
     assert wetting < limit < pull_off
     assert pull_off - wetting < 2e-2 * limit
+    # The part of a JKR contact in which the pressure is positive: 1350π/289, reached from below.
+    assert 0.95 * 1350 * math.pi / 289 > kappa.normal_form("Gauss, pull-off", 4.0).crossover > 0.8 * kappa.FLAT_JKR
 
 
 def test_normal_form_agrees_with_the_diagram():
