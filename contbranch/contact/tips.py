@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 import scipy
+from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
@@ -230,6 +231,10 @@ class PowerLaw(_Monomial):
         return replace(self, length=self.length / in_plane, steepness=self.steepness * (in_plane / normal))
 
 
+# Of [x − (1 − x²) artanh x]/2 = Σ x^(2k+3)/((2k+1)(2k+3)), to rounding for x < 0.4.
+_CAP_SERIES = 1.0 / ((2.0 * np.arange(20.0) + 1.0) * (2.0 * np.arange(20.0) + 3.0))
+
+
 @dataclass(frozen=True)
 class SphericalCap(Tip):
     """z = σ (R - √(R²-r²)) for r < R, ζ = σ t artanh(t/R); beyond r = R there is no tip and heights are infinite.
@@ -287,10 +292,19 @@ class SphericalCap(Tip):
         return self.steepness * (value + np.divide(x, 1.0 - x * x, out=np.zeros_like(x), where=inside))
 
     def _integral(self, a: ArrayLike, power: int) -> Array:
-        """Return ∫_0^a ζ^m dt; with t = R tanh u, σ^m R^(m+1) ∫ (u tanh u)^m/cosh² u du, u < 19: on 20 panels."""
+        """Return ∫_0^a ζ^m dt: σ R² [x − (1 − x²) artanh x]/2 for m = 1, x = a/R, by its series where that cancels.
+
+        With t = R tanh u, σ^m R^(m+1) ∫ (u tanh u)^m/cosh² u du, u < 19: on 20 panels.
+        """
+        share = np.asarray(a, dtype=float) / self.radius
+        end = np.arctanh(share)
+        if power == 1:
+            squares = share * share
+            series = share * squares * polynomial.polyval(squares, _CAP_SERIES)
+            closed = 0.5 * (share - (1.0 - squares) * end)
+            return np.asarray(self.steepness * self.radius**2 * np.where(share < 0.4, series, closed))
         x, w = gauss_rule()
         x, w = ((x + np.arange(20.0)[:, None]) / 20.0).ravel(), np.tile(w / 20.0, 20)
-        end = np.arctanh(np.asarray(a, dtype=float) / self.radius)
         u = end[..., None] * x
         scale = self.steepness**power * self.radius ** (power + 1) * end
         return np.asarray(scale * (((u * np.tanh(u)) ** power / np.cosh(u) ** 2) @ w))
