@@ -47,7 +47,7 @@ def test_spectra_confirm_morse_indices(cycle: rough_cycle.Cycle) -> None:
 
 def test_dynamics_visit_stable_parts_alone() -> None:
     small = rough_cycle.measure(rough_cycle.contact(32, 3.5, 3))
-    states = list(rough_cycle.by_dynamics(small, 20))
+    states = list(rough_cycle.by_dynamics(small, 12))
     assert all(apart < rough_cycle.AGREE for *_, apart in states)
     # both branches of a bistable range are visited: on approach and on retraction
     up, down = ([state.load for way, _, state, _ in states if way == sign] for sign in (1, -1))
