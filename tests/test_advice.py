@@ -33,7 +33,6 @@ def test_the_limits_of_maugis_dugdale():
     [
         ("exponential", 0.1, 1, 0.05, "load"),
         ("van-der-waals", 3.0, 1, 0.1, "load"),
-        ("gauss", 2.0, 1, 0.02, "displacement"),
         ("gauss", 1.0, -1, 1e-3, "load"),
         ("exponential", 2.0, 1, 1e-6, "displacement"),
     ],

@@ -136,7 +136,7 @@ def test_a_phase_diagram_is_drawn_however_little_of_it_there_is() -> None:
     counted = Ending(cb.Stop(), -1)
     cb.phase_diagram(contact, between=(1.0, 1.3), samples=3, progress=counted)
     drawn = set()
-    for call in range(1, len(counted.said), max(1, len(counted.said) // 6)):
+    for call in range(1, len(counted.said), max(1, len(counted.said) // 4)):
         part = cb.phase_diagram(contact, between=(1.0, 1.3), samples=3, progress=Ending(cb.Stop(), call))
         part.plot()
         drawn.add((len(part.values), len(part.boundaries)))

@@ -29,16 +29,16 @@ EXACT = cb.Contact.reduced("maugis-dugdale", tabor=1.0)
 
 MAKERS = {
     "diagram": lambda made: cb.trace(PHYSICAL, accuracy=1e-4),
-    "with a spring": lambda made: cb.trace(ATTRACTION, control=cb.Spring(2.0), accuracy=1e-4),
+    "with a spring": lambda made: cb.trace(ATTRACTION, control=cb.Spring(2.0), accuracy=1e-4, max_load=1.0),
     "exact diagram": lambda made: cb.trace(EXACT),
-    "rings": lambda made: cb.trace(RESTING, accuracy=1e-3, max_load=1.0),
+    "rings": lambda made: cb.trace(RESTING, accuracy=1e-3, max_load=1.0, modes=0),
     "event": lambda made: made["diagram"].events[0],
     "state": lambda made: made["diagram"].branches[0].state(3),
     "solution": lambda made: cb.solve(PHYSICAL, load=265.0, accuracy=1e-4),
     "on a grid": lambda made: cb.solve(CELL, load=1.0),
     "exact solution": lambda made: cb.solve(EXACT, load=0.5),
     "equilibria": lambda made: cb.find_all(PHYSICAL, load=265.0, accuracy=1e-4),
-    "loop": lambda made: cb.hysteresis(ATTRACTION, control=cb.Spring(2.0), accuracy=1e-4),
+    "loop": lambda made: cb.hysteresis(ATTRACTION, control=cb.Spring(2.0), accuracy=1e-4, max_load=1.0),
     "exact loop": lambda made: cb.hysteresis(EXACT, control="displacement", accuracy=1e-4),
     "followed": lambda made: cb.follow(pull_off(made["with a spring"]), vary="tabor", to=1.5, accuracy=1e-4),
     "phase": lambda made: cb.phase_diagram(EXACT, "tabor", (0.5, 1.5), "displacement", samples=3, accuracy=1e-4),
@@ -69,7 +69,7 @@ def test_copies_are_equal(results: dict[str, Record], kind: str) -> None:
         assert type(other) is type(result)
         assert other is not result
         assert other == result
-        assert pickle.loads(pickle.dumps(other)) == result
+    assert pickle.loads(pickle.dumps(other)) == result  # what was pickled, which computes nothing any more
 
 
 @pytest.mark.parametrize("kind", [kind for kind in MAKERS if kind not in ("event", "state", "local exponent")])

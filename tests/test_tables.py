@@ -78,7 +78,7 @@ def test_a_position_is_in_the_unit_of_what_is_controlled():
 
 def test_followed_events_and_solutions_have_tables(diagram, tmp_path):
     fold = next(event for event in diagram.events if event.name == "squeeze-out")
-    followed = cb.follow(fold, "interaction[0].range", to=1.2, accuracy=1e-4)
+    followed = cb.follow(fold, "interaction[0].range", to=1.05, accuracy=1e-4)
     frame = followed.to_dataframe()
     assert list(frame)[:2] == ["interaction[0].range [nm]", "load [nN]"]
     np.testing.assert_array_equal(frame["load_error [nN]"], followed.error["load"])

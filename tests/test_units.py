@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pint
@@ -144,10 +145,15 @@ PREFIXES = ("a", "f", "p", "n", "u", "µ", "μ", "m", "c", "", "k", "M", "G", "T
 FORMS = ("{}", "{}/nm", "{} / um", "{}/m^2", "{} m^-2", "{}·m⁻¹", "{}*m**-1", "{}/nm/nm", "{}/nm²", "{} nm", "{}·m⁻²")
 
 
+@cache
+def usual_units():
+    return pint.UnitRegistry()
+
+
 @pytest.mark.parametrize("symbol", ["m", "N", "Pa", "J", "angstrom", "Å"])
 def test_usual_units_are_worth_what_pint_says(symbol):
     """Every usual unit of every dimension, against pint; and no unit is taken for one of another dimension."""
-    registry = pint.UnitRegistry()
+    registry = usual_units()
     documents = {"length": "nm", "force": "nN", "pressure": "nN/nm**2", "stiffness": "nN/nm", "energy": "nN*nm"}
     for prefix in PREFIXES if len(symbol) < 3 and symbol != "Å" else ("",):
         for form in FORMS:

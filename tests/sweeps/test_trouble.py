@@ -28,8 +28,8 @@ import contbranch as cb
 from sweep_tasks import Number, Squares
 if __name__ == "__main__":
     here = Path({here!r})
-    task = Squares(here / "notes", 0.02)
-    cb.sweep([Number(k) for k in range(90)], here / "s.h5", task=task, workers=2, resume=True)
+    task = Squares(here / "notes", 0.01)
+    cb.sweep([Number(k) for k in range(90)], here / "s.h5", task=task, workers=1, resume=True)
 """
 
 
@@ -93,10 +93,9 @@ def test_tasks_that_raise_hang_or_kill_their_worker_say_so_and_the_others_are_th
     assert all(one.thresholds["touch_load"] == one.index**2 for one in found.tasks if one.index not in told)
     with pytest.raises(cb.InputError, match="this task failed"):
         found.diagram(10)
-    again = cb.sweep(
-        [Number(k) for k in range(60)], tmp_path / "s.h5", resume=True, retry=True, workers=1,
-        task=Squares(tmp_path / "notes"),
-    )  # fmt: skip
+    with ThreadPoolExecutor(1) as executor:
+        numbers, task = [Number(k) for k in range(60)], Squares(tmp_path / "notes")
+        again = cb.sweep(numbers, tmp_path / "s.h5", executor, resume=True, retry=True, task=task)
     assert (again.computed, again.reused, again.failed) == (3, 57, ())
 
 
@@ -231,7 +230,8 @@ def test_settings_are_looked_at_before_anything_is_computed(tmp_path):
 
 def test_a_sweep_is_saved_as_a_copy_and_known_where_its_end_is_missing(tmp_path):
     films = cb.varied(cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0), {"tabor": [1.0, 3.0]})
-    found = cb.sweep(films, tmp_path / "s.h5", workers=1, model="exact", keep="thresholds")
+    with ThreadPoolExecutor(1) as executor:
+        found = cb.sweep(films, tmp_path / "s.h5", executor, model="exact", keep="thresholds")
     found.save(tmp_path / "copy.h5")
     assert cb.load(tmp_path / "copy.h5").tasks == found.tasks
     (tmp_path / "short.h5").write_bytes((tmp_path / "s.h5").read_bytes()[:-1])

@@ -40,7 +40,7 @@ def test_a_contact_that_fills_its_cell_is_not_silent(law):
     assert 2.0 * (0.75 * load) ** (1.0 / 3.0) < cell < 100.0
 
 
-@pytest.mark.parametrize("displacement", [8.0, -40.0])
+@pytest.mark.parametrize("displacement", [6.0, -40.0])
 def test_find_all_goes_as_far_as_the_displacement_asked_for(displacement):
     exact = cb.solve(FILM, displacement=displacement)
     found = cb.find_all(FILM, displacement=displacement, model=cb.FreeSpace(cell=12.0, grid=48))
@@ -141,8 +141,8 @@ def test_what_a_cell_leaves_out_of_what_is_held_is_felt_in_the_rest(
 def test_the_edge_of_a_cap_is_known_to_be_a_staircase() -> None:
     """A film that presses on the edge: lattices of N and N/2 nodes both miss part of the step of its pressure there."""
     contact = cb.Contact(cb.SphericalCap(5.0), cb.Gauss(-1.0, 1.617))
-    true = cb.trace(contact, "displacement", 1e-7, max_load=5.0)
-    found = cb.trace(contact, "displacement", max_load=5.0, model=cb.FreeSpace(grid=72))
+    true = cb.trace(contact, "displacement", 1e-7, max_load=5.0, modes=0)
+    found = cb.trace(contact, "displacement", max_load=5.0, model=cb.FreeSpace(grid=72), modes=0)
     assert [(e.kind, e.name, e.control) for e in found.events] == [(e.kind, e.name, e.control) for e in true.events]
     for one, other in zip(found.events[:-1], true.events[:-1], strict=True):
         for name in ("load", "displacement", "contact_radius", "central_gap"):
@@ -228,10 +228,10 @@ def test_a_film_as_far_away_as_rounding_goes_bears_no_load() -> None:
 def test_a_contact_does_not_open_again_by_a_leap() -> None:
     """Steps that fail behind first touch must not end on the film, along which the curve would run back for ever."""
     contact = cb.Contact(cb.Parabola(1.0), cb.VanDerWaals(-1.0, 0.73))
-    film = cb.trace(contact, model=cb.FreeSpace(cell=10.0, grid=96), max_load=12.0)
+    film = cb.trace(contact, model=cb.FreeSpace(cell=10.0, grid=96), max_load=12.0, modes=0)
     assert film.status == "complete", film.message
     assert film.branches[0].displacement.min() == film.branches[0].displacement[0]
-    exact = cb.trace(contact, max_load=12.0)
+    exact = cb.trace(contact, max_load=12.0, modes=0)
     for name in ("squeeze_out_load", "wetting_load", "touch_load"):
         event = min(film.events, key=lambda one, load=film.thresholds[name]: abs(one.load - load))
         assert abs(film.thresholds[name] - exact.thresholds[name]) <= event.error["load"]

@@ -240,7 +240,6 @@ def test_the_whole_lattice_finds_every_sector_and_pairs_of_equal_eigenvalues(fla
 CURVES = {
     "repulsion": (cb.Contact.reduced(cb.Gauss, 1.0, -1), 10.0, 96),
     "attraction": (cb.Contact.reduced(cb.Gauss, 1.5), 10.0, 96),
-    "exponential": (cb.Contact.reduced(cb.Exponential, 1.0), 10.0, 96),
 }
 
 
