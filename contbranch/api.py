@@ -78,7 +78,7 @@ def trace(
         attribute ``partial``, and so is KeyboardInterrupt.
     modes : int
         Azimuthal modes cos mθ are examined from m = 1 up to here at most, fewer where the rest is known to be stable;
-        0: none, and no ``unstable_azimuthal``.
+        0: none, and no ``unstable_azimuthal``. On a grid all of them are, if any.
     time_limit : float, optional
         Seconds after which the trace ends with what it has.
 
