@@ -14,9 +14,15 @@ from contbranch.models.axisymmetric.adapt import defect_error, finer_error
 QUANTITIES = ("load", "displacement", "contact_radius", "central_gap")
 
 CASES = [
+    (cb.Exponential, 1, 1.0),
+    (cb.Exponential, 1, 4.0),
+    (cb.Exponential, -1, 1.0),
+    (cb.Gauss, -1, 1.0),
     (cb.Gauss, -1, 4.0),
+    (cb.Gauss, 1, 1.0),
     (cb.VanDerWaals, -1, 1.0),
     (cb.InverseSquare, 1, 1.0),
+    (cb.InverseSquare, 1, 4.0),
 ]
 
 
@@ -30,7 +36,7 @@ def compared():
     rows = []
     for law, sign, tabor in CASES:
         contact = cb.Contact.reduced(law, tabor, sign)
-        exact = cb.trace(contact, accuracy=1e-11, modes=0)
+        exact = cb.trace(contact, accuracy=1e-12, modes=0)
         for accuracy in (1e-6, 1e-8):
             diagram = cb.trace(contact, accuracy=accuracy, modes=0)
             assert diagram.status == "complete", diagram.message
@@ -59,7 +65,7 @@ def test_estimates_are_within_the_accuracy(compared):
 
 def test_estimates_are_not_much_larger_than_the_errors(compared):
     ratios = [estimate / distance for *_, estimate, distance in compared if distance > 1e-13]
-    assert len(ratios) > 40
+    assert len(ratios) > 100
     assert np.median(ratios) < 100
 
 
@@ -78,13 +84,15 @@ def test_thresholds_are_the_events(compared):
     }
 
 
-@pytest.mark.parametrize(("law", "sign", "tabor"), [(cb.Gauss, -1, 4.0), (cb.VanDerWaals, 1, 1.0)])
+@pytest.mark.parametrize(
+    ("law", "sign", "tabor"), [(cb.Exponential, 1, 1.0), (cb.Gauss, -1, 4.0), (cb.VanDerWaals, 1, 1.0)]
+)
 def test_errors_of_rows(law, sign, tabor):
     """Load and displacement of a row against a sharp solution with the row's contact radius."""
     contact = cb.Contact.reduced(law, tabor, sign)
-    branch = cb.trace(contact, accuracy=1e-6, modes=0).branches[0]
+    branch = cb.trace(contact, accuracy=1e-6).branches[0]
     rows = np.flatnonzero(branch.contact_radius > 1e-3)
-    for row in rows[1 :: max(1, len(rows) // 2)]:
+    for row in rows[1 :: max(1, len(rows) // 5)]:
         true = cb.solve(contact, contact_radius=float(branch.contact_radius[row]), accuracy=1e-10)
         for name, estimate in (("load", branch.load_error), ("displacement", branch.displacement_error)):
             value = getattr(branch, name)[row]
@@ -93,14 +101,14 @@ def test_errors_of_rows(law, sign, tabor):
             assert abs(value - getattr(true, name)) <= 2 * estimate[row] + 1e-9 * max(1.0, abs(value))
 
 
-LAWS = (cb.Exponential, cb.Gauss, cb.VanDerWaals)
+LAWS = (cb.Exponential, cb.Gauss, cb.VanDerWaals, cb.InverseSquare)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("tabor", [1 / 16, 4.0])
+@pytest.mark.parametrize("tabor", [1 / 64, 1 / 16, 1 / 4, 1.0, 4.0])
 def test_diagrams_are_complete_and_their_indices_follow_the_folds(law, sign, tabor):
-    diagram = cb.trace(cb.Contact.reduced(law, tabor, sign), modes=0)
+    diagram = cb.trace(cb.Contact.reduced(law, tabor, sign))
     assert diagram.status == "complete", diagram.message
     branch = diagram.branches[0]
     loads = np.diff(branch.load)
@@ -126,17 +134,18 @@ def test_diagrams_are_complete_and_their_indices_follow_the_folds(law, sign, tab
             assert (loads[row] * approach[row] < 0) == (extra[row] == 1), row
     # both ends of the curve are stable, far away and pressed together
     assert branch.unstable_load[-1] == branch.unstable_displacement[-1] == branch.unstable_displacement[0] == 0
-    if law is cb.Exponential and sign < 0:  # v'' ≥ 0: a convex energy has no fold
+    if law in (cb.Exponential, cb.InverseSquare) and sign < 0:  # v'' ≥ 0: a convex energy has no fold
         assert not list(diagram.folds())
         assert not branch.unstable_load.any()
         assert diagram.thresholds["squeeze_out_load"] == diagram.thresholds["wetting_load"]
         assert diagram.thresholds["squeeze_out_load"] == diagram.thresholds["touch_load"]
 
 
-@pytest.mark.parametrize(("tabor", "accuracy"), [(1 / 16, 1e-6), (1 / 64, 1e-6), (1 / 64, 1e-8)])
+@pytest.mark.parametrize("accuracy", [1e-6, 1e-8])
+@pytest.mark.parametrize("tabor", [1 / 16, 1 / 64])
 def test_narrow_windows_are_resolved(tabor, accuracy):
     """Gauss repulsion: both folds exist at any Tabor coefficient and lie ever closer together."""
-    diagram = cb.trace(cb.Contact.reduced(cb.Gauss, tabor, -1), accuracy=accuracy, modes=0)
+    diagram = cb.trace(cb.Contact.reduced(cb.Gauss, tabor, -1), accuracy=accuracy)
     assert diagram.status == "complete", diagram.message
     squeeze, wetting = list(diagram.folds("load"))
     assert (squeeze.name, wetting.name) == ("squeeze-out", "wetting")
@@ -147,7 +156,7 @@ def test_narrow_windows_are_resolved(tabor, accuracy):
     assert wetting.contact_radius > 0
     assert wetting.contact_radius > wetting.error["contact_radius"]
     touch = next(event for event in diagram.events if event.kind == "touch")
-    sharp = cb.trace(cb.Contact.reduced(cb.Gauss, tabor, -1), accuracy=1e-9, modes=0)
+    sharp = cb.trace(cb.Contact.reduced(cb.Gauss, tabor, -1), accuracy=1e-9)
     fine = {event.name: event for event in sharp.folds("load")}
     assert fine["squeeze-out"].load - fine["wetting"].load == pytest.approx(width, rel=1e-2)
     assert touch.load <= wetting.load + touch.error["load"] or wetting.load < touch.load < squeeze.load
@@ -157,9 +166,9 @@ def test_where_stiff_contacts_are_soft_the_finer_mesh_itself_tells_the_error():
     """Against panels half as long. About to touch, a contact moves with ten digits less resistance than elsewhere, and
     what coarse panels make of a finer mesh's residual is a hundred times too large."""
     contact = cb.Contact.reduced("van-der-waals", 290.0)
-    track = FollowedCurves(contact, cb.Axisymmetric()).track(Request(1e-6, modes=0, events=False))
+    track = FollowedCurves(contact, cb.Axisymmetric()).track(Request(1e-6))
     excess = []
-    for point in [one for one in track.points if -0.05 < one.parameter < 0.0][::3]:
+    for point in [one for one in track.points if -0.05 < one.parameter < 0.0]:
         problem, x, p = point.problem, point.x, point.parameter
         halved = problem.halved(point, 0.0)
         there = halved.values(halved.solve_at(problem.carried(x, x, p, halved), p), p)

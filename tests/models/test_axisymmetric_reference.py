@@ -150,11 +150,22 @@ def contact_of(law: cb.Interaction) -> cb.Contact:
 DLVO = cb.VanDerWaals(1.0, 1.0) + cb.Exponential(-0.5, 0.5)
 CASES = [
     # law, where, N, L, tolerance relative to max(1, |value|): what the reference still changes by with N
+    pytest.param(cb.Exponential(1.0, 1.0), {"contact_radius": 2.0}, 160, 2.0, 3e-9, id="exponential-contact"),
     pytest.param(cb.Exponential(1.0, 0.25), {"contact_radius": 0.2}, 200, 1.0, 1e-8, id="exponential-small-contact"),
     pytest.param(cb.Exponential(-1.0, 1.0), {"displacement": 1.0}, 100, 2.0, 1e-11, id="exponential-film"),
+    pytest.param(
+        cb.Exponential(-1.0, 1.0), {"contact_radius": 0.5}, 160, 2.0, 1e-8, id="exponential-repulsion-contact"
+    ),
+    pytest.param(cb.Gauss(-1.0, 1.0), {"displacement": 1.8}, 100, 2.0, 1e-11, id="gauss-film"),
     pytest.param(cb.Gauss(-1.0, 1.0), {"contact_radius": 0.35}, 160, 2.0, 1e-8, id="gauss-contact"),
+    pytest.param(cb.Gauss(-1.0, 0.25), {"contact_radius": 0.7}, 240, 3.0, 2e-8, id="gauss-sharp-film"),
+    pytest.param(cb.Gauss(1.0, 1.0), {"contact_radius": 1.0}, 160, 2.0, 1e-8, id="gauss-attraction"),
     pytest.param(cb.VanDerWaals(1.0, 1.0), {"contact_radius": 1.0}, 200, 2.0, 3e-9, id="van-der-waals-contact"),
     pytest.param(cb.VanDerWaals(1.0, 1.0), {"displacement": -1.5}, 140, 2.0, 1e-9, id="van-der-waals-apart"),
+    pytest.param(cb.VanDerWaals(-1.0, 0.25), {"displacement": 5.0}, 160, 4.0, 1e-9, id="van-der-waals-film"),
+    pytest.param(cb.InverseSquare(1.0, 4.0), {"displacement": -2.5}, 160, 3.0, 1e-9, id="inverse-square-apart"),
+    pytest.param(cb.InverseSquare(-1.0, 1.0), {"contact_radius": 1.0}, 200, 4.0, 1e-8, id="inverse-square-contact"),
+    pytest.param(DLVO, {"displacement": -1.5}, 140, 2.0, 1e-9, id="sum-apart"),
     pytest.param(DLVO, {"contact_radius": 1.0}, 200, 3.0, 2e-8, id="sum-contact"),
 ]
 
@@ -173,21 +184,25 @@ def test_states_of_an_independent_discretisation(law, where, count, length, tole
     ("law", "sign", "tabor", "length"),
     [
         (cb.Exponential, 1, 4.0, 1.0),
+        (cb.Gauss, -1, 1.0, 2.0),
         (cb.VanDerWaals, -1, 1.0, 2.0),
+        (cb.InverseSquare, 1, 4.0, 1.0),
+        (cb.Gauss, 1, 4.0, 1.0),
+        (cb.Exponential, -1, 1.0, 2.0),
     ],
     ids=lambda value: value.__name__ if isinstance(value, type) else None,
 )
 def test_morse_indices_of_an_independent_discretisation(law, sign, tabor, length):
     """On every piece between two folds: the number of eigenvalues of B k A above 1, without and with d set free."""
     contact = cb.Contact.reduced(law, tabor, sign)
-    branch = cb.trace(contact, accuracy=1e-6, max_load=50.0, modes=0).branches[0]
+    branch = cb.trace(contact, accuracy=1e-8, modes=0).branches[0]
     pairs = np.stack([branch.unstable_displacement, branch.unstable_load], axis=1)
     pieces = np.split(np.arange(len(branch)), 1 + np.flatnonzero((np.diff(pairs, axis=0) != 0).any(axis=1)))
     checked = set()
     for piece in pieces:
         rows = [row for row in piece if branch.load[row] < 50 and branch.central_gap[row] < 3][1:-1]
-        for row in {rows[len(rows) // 2], rows[-1]} if rows else set():
-            found = reference(contact.interaction, branch.state(int(row)), 120, length)
+        for row in {rows[0], rows[len(rows) // 2], rows[-1]} if rows else set():
+            found = reference(contact.interaction, branch.state(int(row)), 140, length)
             if found.distance < 1e-3:
                 continue  # too close to a fold for so few functions
             indices = int(branch.unstable_displacement[row]), int(branch.unstable_load[row])
@@ -200,9 +215,11 @@ def test_morse_indices_of_an_independent_discretisation(law, sign, tabor, length
     ("law", "where"),
     [
         (cb.Exponential(1.0, 1.0), {"contact_radius": 1.5}),
+        (cb.Exponential(-1.0, 1.0), {"contact_radius": 1.0}),
         (cb.Gauss(-1.0, 1.0), {"displacement": 1.8}),
+        (cb.Gauss(1.0, 1.0), {"contact_radius": 1.0}),
     ],
-    ids=["exponential-attraction", "gauss-film"],
+    ids=["exponential-attraction", "exponential-repulsion", "gauss-film", "gauss-attraction"],
 )
 def test_profiles_obey_boussinesq_in_real_space(law, where):
     """A ring of pressure p moves the surface at r by (4/π) p s ds K(m)/(r + s), m = 4 r s/(r + s)² (E = 1)."""

@@ -17,6 +17,7 @@ from contbranch.models.rings.problem import RingProblem
 
 CASES = [
     (3.5, cb.Exponential(-1.0, 8.0), 6.8, (0.5, 0.62)),
+    (3.855, cb.Exponential(-1.0, 5.5), 5.5, (0.6, 0.8)),
     (4.0, cb.Gauss(1.0, 10.0), 5.2, (-0.3, -0.1)),
 ]
 SOFT = cb.Contact(cb.PowerLaw(4.086, 1.0), cb.Layered(-1.0, 494.48550196588604, 1077.9783942856316, 0.0))
@@ -71,7 +72,8 @@ def first_contact(exponent, law, reach, bracket, count=80):
     ("case", "d", "load", "accuracy", "most"),
     [
         (CASES[0], 0.58829332007392, 2.38743785595116, 1e-6, (1e-6, 3e-6)),
-        (CASES[1], -0.13850519380490, -1.02051142122341, 1e-9, (1e-11, 2e-11)),
+        (CASES[1], 0.73686707478392, 2.54289705454403, 1e-9, (1e-11, 2e-11)),
+        (CASES[2], -0.13850519380490, -1.02051142122341, 1e-9, (1e-11, 2e-11)),
     ],
 )
 def test_contact_begins_on_a_ring_where_the_gap_says(case, d, load, accuracy, most):

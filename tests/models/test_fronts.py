@@ -96,10 +96,13 @@ def test_rates_and_indices_of_moving_meshes():
     assert moving > 15
 
 
-def test_limits_of_stiff_films():
-    """A stiff film hardly changes Hertz's pressure, F = π³ p³/6: it is squeezed out and wets by that at its centre."""
+@pytest.mark.parametrize(
+    ("law", "strongest", "spreads"),
     # The largest pressure that a film bears, and that at which contact spreads in it: p g + v(g) = v(0), times z0/|Δγ|.
-    law, strongest, spreads = cb.VanDerWaals, 3.0 * math.sqrt(3.0) / 8.0, 0.5
+    [(cb.Gauss, math.exp(-0.5), 0.4512580), (cb.VanDerWaals, 3.0 * math.sqrt(3.0) / 8.0, 0.5)],
+)
+def test_limits_of_stiff_films(law, strongest, spreads):
+    """A stiff film hardly changes Hertz's pressure, F = π³ p³/6: it is squeezed out and wets by that at its centre."""
     tabor = 40.0
     diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor, sign=-1), accuracy=1e-4, modes=0)
     assert diagram.status == "complete", diagram.message
