@@ -213,6 +213,8 @@ def test_a_loop_whose_curve_ends_before_a_jump_does_is_incomplete(monkeypatch):
     loop = cb.hysteresis(cb.Contact.reduced("gauss", 1.0, -1), max_load=1.0, accuracy=1e-4)
     assert (loop.status, loop.closed, loop.dissipated) == ("incomplete", False, None)
     assert "Where the jump from squeeze-out ends was not reached" in loop.message
+    assert "infinite" not in str(loop)
+    assert not [text for axes in loop.plot().axes for text in axes.texts if "infinity" in text.get_text()]
 
 
 def test_the_command_prints_a_document(capsys):

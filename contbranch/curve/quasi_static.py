@@ -60,7 +60,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump at a fold: where from, where to (None: nowhere, to infinite separation), and at which row the fold is."""
+    """A jump at a fold: where from, where to (None: to infinity, or not reached), and at which row the fold is."""
 
     row: int
     direction: int

@@ -477,9 +477,10 @@ function table(holder, headings, rows) {
 function drawTables() {
   const shown = NAMES.slice(0, 4), { jumps, dissipated } = item().loop || { jumps: [] };
   const ends = (state) => shown.map((name) => digits(state ? state[name] : null));
+  const nowhere = item().status === "complete" ? "to infinity" : "not reached";
   table(byId("jumps"), ["jump", label(driven(item().control)), "", ...shown.map(label), `dissipated ${unit("energy") && `(${unit("energy")})`}`], [
     ...jumps.flatMap((jump) => [[jump.name || "jump", digits(jump.position), "from", ...ends(jump.from), digits(jump.dissipated)],
-      ["", "", jump.to ? "to" : "to infinity", ...ends(jump.to), ""]]),
+      ["", "", jump.to ? "to" : nowhere, ...ends(jump.to), ""]]),
     ...jumps.slice(0, 1).map(() => ["whole loop", "", "", ...shown.map(() => ""), digits(dissipated)])]);
   table(byId("events"), ["event", "control", ...shown.map(label)], item().events.map((e) =>
     [called(e), e.control || "", ...shown.map((name) => digits(e[name]))]));

@@ -94,7 +94,8 @@ def _draw(axes: Axes, loop: Hysteresis, across: str, name: str) -> None:
             )
     for jump in loop.jumps:
         states = [state for state in (jump.start, jump.to) if state is not None]
-        _draw_jump(axes, [(observable(s, across, stiffness), observable(s, name, stiffness)) for s in states])
+        ends = [(observable(s, across, stiffness), observable(s, name, stiffness)) for s in states]
+        _draw_jump(axes, ends, "to infinity" if loop.status == "complete" else "")
     if loop.status != "complete":
         axes.plot(*(observable(path, one, stiffness)[-1] for one in (across, name)), **END, zorder=4)
     axes.margins(_MARGIN)
@@ -118,12 +119,12 @@ def _window(loop: Hysteresis) -> tuple[float, float]:
     return max(low, min(at) - pad), min(high, max(at) + pad)
 
 
-def _draw_jump(axes: Axes, ends: list[tuple[float, float]]) -> None:
-    """A dotted line with an arrow from the fold to where the jump ends, or a mark where it ends nowhere."""
+def _draw_jump(axes: Axes, ends: list[tuple[float, float]], nowhere: str) -> None:
+    """A dotted line with an arrow from the fold to where the jump ends, or a mark and a word where it ends nowhere."""
     axes.plot(*ends[0], marker="o", markersize=3.5, color="black", zorder=4.0)
     if len(ends) < 2:
         size = rcParams["legend.fontsize"]
-        axes.annotate("to infinity", ends[0], (4.0, 8.0), textcoords="offset points", fontsize=size)
+        axes.annotate(nowhere, ends[0], (4.0, 8.0), textcoords="offset points", fontsize=size)
         return
     style = {**_ARROW, "linestyle": ":", "color": "black", "linewidth": 0.9}
     axes.annotate("", ends[1], ends[0], arrowprops=style, zorder=4.0)

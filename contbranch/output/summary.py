@@ -118,11 +118,12 @@ def _loop(loop: Hysteresis, units: UnitNames) -> Parts:
     if loop.jumps:
         unit = units.get("load" if loop.control == "load" else "displacement", "")
         position = "position of the spring" if loop.control == "spring" else loop.control
+        lost = ("no bound", "infinite separation") if loop.status == "complete" else ("not known", "not reached")
         rows = []
         for jump in loop.jumps:
-            loss = "no bound" if jump.dissipated is None else with_error(jump.dissipated, jump.error)
+            loss = lost[0] if jump.dissipated is None else with_error(jump.dissipated, jump.error)
             rows.append([jump.name or "jump", f"{jump.position:.9g}", "from", *_cells(jump.start, shown), loss])
-            end = ["infinite separation", "", ""] if jump.to is None else _cells(jump.to, shown)
+            end = [lost[1], "", ""] if jump.to is None else _cells(jump.to, shown)
             rows.append(["", "", "to", *end, ""])
         yield Cells(["jump", with_unit(position, unit), "", *_headings(units, (*shown, "dissipated"))], rows)
         yield _BRACKETS

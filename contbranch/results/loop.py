@@ -58,7 +58,8 @@ class Jump(Record):
     start : State
         The fold.
     to : State or None
-        Where overdamped relaxation from the fold ends; None: at infinite separation.
+        Where overdamped relaxation from the fold ends; None: at infinite separation, or not reached if the loop is
+        incomplete.
     dissipated : float or None
         Energy of contact and drive at the fold minus that after the jump; None where it has no bound.
     error : float or None
