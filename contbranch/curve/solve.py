@@ -109,16 +109,45 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
         own = None if control is None else equilibrium(begin).meeting(begin, end, control, value)
         if own is not None:
             return Crossing(piece, refine(own, event, accuracy))
-        ends = track.link(piece)
+        ends = _link(track, piece)
         # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
         nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
-        found = [refine(near, event, accuracy) for near in nearest]
+        found = _refined(nearest, event, accuracy)
+        if ends is None and piece not in track.gaps:  # of one problem: the better discretisation tells
+            found = [min(found, key=Found.relative_error)]
         if ends is not None:
             found += [refine(near, event, accuracy) for near in _beside(track, piece, event, found[0])]
     except CorrectionError as error:
         name = "contact radius" if control is None else control.kind
         raise ModelError(f"no state was found on the curve at the {name} asked for {error.detail}") from error
     return Crossing(piece, _decided(found, event) if len(found) > 1 else found[0])
+
+
+def _link(track: Track, piece: int) -> tuple[Point, Point] | None:
+    """`Track.link`, or None where neither row's discretisation reaches the other row, each a part of the piece."""
+    try:
+        return track.link(piece)
+    except CorrectionError:
+        return None
+
+
+def _refined(nearest: Sequence[Point], event: Reached, accuracy: float) -> list[Found]:
+    """The states found from these points.
+
+    Raises
+    ------
+    CorrectionError
+        If from one there is none, and what was found from the others is none that its problem has.
+    """
+    found, last = [], None
+    for near in nearest:
+        try:
+            found.append(refine(near, event, accuracy))
+        except CorrectionError as error:
+            last = error
+    if last is not None and not any(_meets(one, event, one) for one in found):
+        raise last
+    return found
 
 
 def _beside(track: Track, piece: int, event: Reached, found: Found) -> list[Point]:

@@ -1,11 +1,16 @@
 """States where a curve has a value: next to first touch, next to a fold, and the lowest of several."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch.continuation import CorrectionError, Outcome
 from contbranch.curve import curves
-from contbranch.curve.trace import trace
+from contbranch.curve.solve import crossings
+from contbranch.curve.trace import Request, trace
+from contbranch.curve.track import Track
 
 
 def next_to_touch(solution, touch):
@@ -115,3 +120,26 @@ def test_a_curve_that_was_not_finished_is_not_kept(monkeypatch):
 
     assert cb.solve(contact, load=3.0, progress=stop).status == "incomplete"
     assert cb.solve(contact, load=3.0).status == "complete"
+
+
+class Apart(Track):
+    """A curve whose rows are on discretisations of their own, of which none reaches the next row."""
+
+    def link(self, piece):
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(a crease has left its part of the mesh)")
+
+
+def test_states_are_found_between_rows_whose_discretisations_do_not_reach_each_other():
+    contact, accuracy = cb.Contact(cb.Parabola(1.0), cb.Layered(-1.0, 0.525, 2.0)), 1e-6
+    track = trace(cb.Axisymmetric().problem(contact, accuracy), Request(accuracy, target=3.0, events=False))
+    apart = Apart(**{field.name: getattr(track, field.name) for field in dataclasses.fields(track)})
+    for name, value in (("load", 1.0), ("load", 0.01), ("displacement", -0.5)):
+        linked = crossings(track, name, value, accuracy)
+        assert linked
+        for one, other in zip(linked, crossings(apart, name, value, accuracy), strict=True):
+            off, told = (
+                np.abs(np.subtract(one.found.numbers, other.found.numbers)),
+                np.add(one.found.error, other.found.error),
+            )
+            assert (off <= 2 * told).all()
+            assert other.found.relative_error() <= accuracy
