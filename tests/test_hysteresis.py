@@ -13,9 +13,10 @@ import contbranch as cb
 from contbranch.cli import main
 from contbranch.continuation import CorrectionError, Outcome
 from contbranch.control import as_control
-from contbranch.curve import curves
+from contbranch.curve import curves, paths
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
+from contbranch.errors import ModelError
 
 LAMBDA = (2 * math.pi / 9) ** (1 / 3)
 """Reduced Tabor coefficient for Maugis' λ = 1, (43) with its misprint corrected."""
@@ -215,6 +216,30 @@ def test_a_loop_whose_curve_ends_before_a_jump_does_is_incomplete(monkeypatch):
     assert "Where the jump from squeeze-out ends was not reached" in loop.message
     assert "infinite" not in str(loop)
     assert not [text for axes in loop.plot().axes for text in axes.texts if "infinity" in text.get_text()]
+
+
+class Blind(paths.CurveWalk):
+    """A walk along a curve that finds no landing."""
+
+    def crossing(self, piece, value):
+        raise ModelError("no state was found")
+
+
+def test_a_loop_keeps_the_path_up_to_a_landing_that_is_not_found(tmp_path, monkeypatch):
+    contact = cb.Contact.reduced("gauss", 3.0, -1)
+    known = cb.hysteresis(contact, accuracy=1e-4)
+    monkeypatch.setattr(curves, "CurveWalk", Blind)
+    loop = cb.hysteresis(contact, accuracy=1e-4)
+    assert (loop.status, loop.closed, loop.dissipated) == ("incomplete", False, None)
+    assert (
+        "The path ends early: no state was found. Where the jump from squeeze-out ends was not reached" in loop.message
+    )
+    (jump,) = loop.jumps
+    assert jump.to is None
+    assert jump.start == known.jumps[0].start
+    assert loop.path.load[-1] == jump.start.load
+    loop.save(tmp_path / "loop.h5")
+    assert cb.load(tmp_path / "loop.h5") == loop
 
 
 def test_the_command_prints_a_document(capsys):

@@ -223,16 +223,16 @@ class FollowedCurves:
             track = self.track(request, tolerance)
             curve = raw_curve(track, request)
             walk = CurveWalk(track, curve.events, control, request.accuracy, landings=landings)
-            legs, jumps = quasi_static(walk) if len(track.points) > 1 else ([], [])
+            legs, jumps, failed = quasi_static(walk) if len(track.points) > 1 else ([], [], "")
             lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
-            if not (lost and curve.complete) or walk.astray or over():
+            if not (lost and curve.complete) or walk.astray or failed or over():
                 break
             value = control.of(lost[0].begin.state)
             request = replace(request, target=value + BEYOND * max(1.0, abs(value)), held=control)
         notes = [landed(self.contact, *note) for note in walk.notes]
         notes += [left(self.contact, *one) for one in walk.astray]
-        complete = curve.complete and not (walk.astray or lost)
-        return Route(walk, legs, jumps, curve, complete, " ".join([curve.message, *notes]).strip())
+        complete = curve.complete and not (walk.astray or failed or lost)
+        return Route(walk, legs, jumps, curve, complete, " ".join([curve.message, *notes, failed]).strip())
 
     def _crossings(self, request: Request, field: str, value: float) -> tuple[Track, list[Crossing]]:
         """Where the curve has a value, in order along it.

@@ -69,17 +69,27 @@ class Jump:
     others: tuple[Stop, ...] = field(default=(), repr=False)
 
 
-def quasi_static(walk: CurveWalk) -> tuple[list[Leg], list[Jump]]:
-    """The path up and down, as legs on stable parts and the jumps between them.
+def quasi_static(walk: CurveWalk) -> tuple[list[Leg], list[Jump], str]:
+    """The path up and down, as legs on stable parts and the jumps between them, and why it ends early if it does.
 
     The path starts at the curve's first row if that is stable, otherwise at the first stable part along the curve: at
     zero if the control has this value there, or at the fold where it begins. Of an interrupted computation it is what
     has been found of it, up to the first jump at least.
+
+    Raises
+    ------
+    ModelError
+        If no part of the path is found.
     """
     legs: list[Leg] = []
     jumps: list[Jump] = []
-    kept(lambda: _follow(walk, legs, jumps), None)
-    return legs, jumps
+    try:
+        kept(lambda: _follow(walk, legs, jumps), None)
+    except ModelError as error:
+        if not legs:
+            raise
+        return legs, jumps, f"The path ends early: {str(error).rstrip('.')}."
+    return legs, jumps, ""
 
 
 def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
@@ -88,7 +98,7 @@ def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
     Raises
     ------
     ModelError
-        If it comes to a fold again.
+        If it comes to a fold again, or a state that it needs is not found; what has been appended stays.
     """
     with finishing() if over() else nullcontext():
         folds = walk.folds()
@@ -108,7 +118,11 @@ def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
                     f"the path comes again to the fold at load {state.load:.6g}, displacement {state.displacement:.6g} "
                     "(reduced): states there differ by less than their errors; ask for a hundredth of the accuracy."
                 )
-            jump = _jump(walk, folds, fold_row, direction, leg)
+            try:
+                jump = _jump(walk, folds, fold_row, direction, leg)
+            except ModelError:
+                jumps.append(Jump(fold_row, direction, folds[fold_row], None))
+                raise
             jumps.append(jump)
             if jump.end is None:
                 return

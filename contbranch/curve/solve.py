@@ -119,7 +119,10 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
             found += [refine(near, event, accuracy) for near in _beside(track, piece, event, found[0])]
     except CorrectionError as error:
         name = "contact radius" if control is None else control.kind
-        raise ModelError(f"no state was found on the curve at the {name} asked for {error.detail}") from error
+        raise ModelError(
+            f"no state was found on the curve at a {name} of {value:.6g} (reduced), where there is one: "
+            f"ask for a hundredth of the accuracy. {error.detail}"
+        ) from error
     return Crossing(piece, _decided(found, event) if len(found) > 1 else found[0])
 
 
