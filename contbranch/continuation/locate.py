@@ -8,6 +8,9 @@ Sample = tuple[float, float]
 
 # A position is good enough if the secant's estimate of its error is by this factor.
 MARGIN = 4.0
+# Where the bracket is so narrow, as a share of the first, and values so small, of those at its ends, a value that is
+# larger than one farther from the zero by such a factor is noise; after so many the zero cannot be told any better.
+NARROW, SMALL, LARGER, ROUGH = 1e-3, 0.1, 1.25, 2
 
 
 def find_root(
@@ -21,7 +24,8 @@ def find_root(
     """Return a zero of a continuous function between two samples of opposite sign.
 
     Chandrupatla's method: inverse quadratic interpolation where it can be trusted, bisection otherwise; the bracket
-    never widens, and convergence is superlinear (T. R. Chandrupatla, Adv. Eng. Softw. 28 (1997) 145).
+    never widens, and convergence is superlinear (T. R. Chandrupatla, Adv. Eng. Softw. 28 (1997) 145). It ends early
+    where the function's noise hides the zero.
 
     Parameters
     ----------
@@ -49,6 +53,7 @@ def find_root(
     if (fa > 0) == (fb > 0):
         raise ValueError("find_root needs values of opposite sign at both ends.")
     t = fa / (fa - fb) if guess is None else (guess - a) / (b - a)
+    narrow, small, rough = NARROW * abs(b - a), SMALL * min(abs(fa), abs(fb)), 0
     c, fc = a, fa
     for _ in range(100):
         x = a + t * (b - a)
@@ -56,7 +61,11 @@ def find_root(
         # By the secant's slope, which may be several times the one at the zero.
         if fx != fa and MARGIN * abs(fx * (x - a) / (fx - fa)) <= tolerance + relative * abs(x):
             return x
-        if (fx > 0) == (fa > 0):
+        same = (fx > 0) == (fa > 0)
+        rough += abs(b - a) < narrow and LARGER * abs(fa if same else fb) < abs(fx) < small
+        if rough == ROUGH:
+            return min((abs(fa), a), (abs(fb), b), (abs(fx), x))[1]
+        if same:
             c, fc = a, fa
         else:
             c, fc = b, fb

@@ -93,6 +93,20 @@ def test_find_root_in_few_evaluations(function, root):
     assert count <= 14
 
 
+def test_find_root_leaves_what_noise_hides_and_finds_a_jump():
+    """Rounding hides where a slowly changing function vanishes, but not where one leaps across zero."""
+    places = []
+
+    def noisy(s):
+        places.append(s)
+        return 1e-3 * (s - 0.3) + 1e-8 * math.sin(1e9 * s)
+
+    assert find_root(noisy, (0.0, noisy(0.0)), (1.0, noisy(1.0))) == pytest.approx(0.3, abs=3e-5)
+    assert len(places) <= 16
+    for leap in (lambda s: math.copysign(2.0 - s, s - 0.7), lambda s: math.copysign(1e-3 + (s - 0.7) ** 2, s - 0.7)):
+        assert find_root(leap, (0.0, leap(0.0)), (1.0, leap(1.0))) == pytest.approx(0.7, abs=1e-14)
+
+
 def test_find_root_wants_a_bracket():
     with pytest.raises(ValueError, match="opposite sign"):
         find_root(lambda s: s, (1.0, 1.0), (2.0, 2.0))
