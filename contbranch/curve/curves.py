@@ -14,6 +14,7 @@ import numpy as np
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.units import FINEST
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.find import disconnected
 from contbranch.curve.outcome import RawCurve, no_curve, state_in_units
@@ -37,6 +38,8 @@ BEYOND, EXTENSIONS = 1e-3, 8
 # The rows of a path count themselves, in integrals along it: they are as accurate as the events, down to this. So are
 # those that tell whether a value so close to a fold, relative to max(1, |value|), is passed.
 FINE, BESIDE = 1e-9, 3e-6
+# A curve that is lost is followed again at this share of the accuracy.
+FINER = 0.01
 # A curve goes on beyond a value asked for by this share.
 PAST = 1e-9
 # Curves on which states were looked for that are kept, since the next state asked for is often one of the same contact,
@@ -149,9 +152,25 @@ class FollowedCurves:
         return self.model.problem(self.reduced, request.accuracy)
 
     def track(self, request: Request, tolerance: float | None = None) -> Track:
-        """The curve with the problems that solved its rows, these within a tolerance if one is given."""
-        problem = self.problem(request)
-        return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
+        """The curve with the problems that solved its rows, these within a tolerance if one is given.
+
+        Where it is lost it is followed once more with finer discretisations, from its start.
+        """
+
+        def followed(accuracy: float) -> Track:
+            problem = self.model.problem(self.reduced, accuracy)
+            return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
+
+        track, finer = followed(request.accuracy), FINER * request.accuracy
+        if not track.lost or track.problem(0).given:
+            return track
+        again = track if finer < FINEST or over() else followed(finer)
+        if again.complete:
+            return replace(
+                again, message=f"The curve was lost at this accuracy, but not at {finer:g}. {again.message}".strip()
+            )
+        untold = "" if over() else " At a hundredth of the accuracy it is lost, too: ask for less."
+        return replace(track, message=track.message + untold)
 
     def recent(self, request: Request, tolerance: float | None = None) -> Track:
         """The same, not followed anew if it was among the last ones.

@@ -125,6 +125,7 @@ class _Tracing:
     largest: float = -math.inf
     complete: bool = False
     message: str = ""
+    lost: bool = False
     slopes: Slopes = field(default_factory=Slopes)
 
     def __post_init__(self) -> None:
@@ -173,8 +174,7 @@ class _Tracing:
         if not name:
             blame(branch.end.cause)
             self.message = f"{branch.end.message} {problem.ending('', last)}".strip()
-            if branch.end.outcome is Outcome.STEP_TOO_SMALL and not problem.given:
-                self.message += " Try a hundredth of the accuracy."
+            self.lost = branch.end.outcome is Outcome.STEP_TOO_SMALL
             return None
         margin, name = name, problem.cause(name, last)
         try:
@@ -182,6 +182,7 @@ class _Tracing:
         except (ModelError, CorrectionError) as error:
             why = f"{problem.ending(name, last)} It could not be followed beyond: {error}."
             self._stop(margin, name, why.strip())
+            self.lost = True
             return None
         if found is None:
             self._stop(margin, name, problem.ending(name, last))
@@ -338,6 +339,7 @@ class _Tracing:
             self.complete,
             self.message,
             problem.work,
+            self.lost,
         )
 
     def _rates(self, point: Point) -> tuple[float, float]:

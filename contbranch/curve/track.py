@@ -68,6 +68,8 @@ class Track:
     complete, message : bool, str
         Whether the curve reached its end; why not.
     work : Work
+    lost : bool
+        Whether it ends where it could not be followed, though it goes on.
     """
 
     points: tuple[Point, ...]
@@ -79,6 +81,7 @@ class Track:
     complete: bool = True
     message: str = ""
     work: Work = field(default_factory=Work)
+    lost: bool = False
 
     def problem(self, row: int) -> EquilibriumProblem:
         """The problem of a row."""

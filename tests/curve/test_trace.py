@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import contbranch as cb
 from contbranch.control import DISPLACEMENT
+from contbranch.curve import curves
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
 from contbranch.curve.track import linked
@@ -125,3 +127,23 @@ def test_work_from_row_to_row_is_the_change_of_energy_across_meshes():
         work = work_along(first, [Piece(*linked(first, last))], last, 1e-10)
         assert work == pytest.approx(last.observables["energy"] - first.observables["energy"], abs=2e-8)
     assert changes > 5
+
+
+def test_a_curve_that_is_lost_twice_says_so_and_is_the_one_at_the_accuracy_asked(monkeypatch):
+    follow, asked = curves.trace, []
+
+    def lost(problem, request):
+        asked.append(problem.resolution.accuracy)
+        return replace(follow(problem, request), complete=False, lost=True, message="Lost.")
+
+    contact = cb.Contact.reduced(cb.Gauss, 1.0, -1)
+    known = cb.trace(contact, accuracy=1e-4)
+    monkeypatch.setattr(curves, "trace", lost)
+    diagram = cb.trace(contact, accuracy=1e-4)
+    assert asked == [1e-4, pytest.approx(1e-6)]
+    assert (diagram.status, diagram.message) == (
+        "incomplete",
+        "Lost. At a hundredth of the accuracy it is lost, too: ask for less.",
+    )
+    assert diagram.events == known.events
+    assert "Lost." in cb.trace(contact, accuracy=1e-12).message  # nothing finer may be asked for
