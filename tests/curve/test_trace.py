@@ -147,3 +147,10 @@ def test_a_curve_that_is_lost_twice_says_so_and_is_the_one_at_the_accuracy_asked
     )
     assert diagram.events == known.events
     assert "Lost." in cb.trace(contact, accuracy=1e-12).message  # nothing finer may be asked for
+
+
+def test_rows_for_a_path_are_no_coarser_than_those_of_a_trace():
+    """At a low accuracy a trace's rows are better than asked, for the curve not to be lost."""
+    problem = cb.Axisymmetric().problem(cb.Contact.reduced(cb.Gauss, 1.0, -1), 1e-4)
+    assert problem.rows_within(1e-4).resolution.tolerance == problem.resolution.tolerance
+    assert problem.rows_within(1e-8).resolution.tolerance < 1e-8

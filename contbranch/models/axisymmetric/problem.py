@@ -600,7 +600,8 @@ class ContactProblem(MeshedContact):
         contact = self.resolution.contact
         if contact is None:
             return self
-        return first_problem(contact, self.resolution.accuracy, tolerance / ROW_SAFETY)
+        own = self.resolution  # which a coarse one must not undo
+        return first_problem(contact, own.accuracy, min(tolerance / ROW_SAFETY, own.tolerance))
 
     def member(self, contact: Contact, tolerance: float | None = None) -> ContactProblem:
         """The same mesh and side of first touch for another contact, with the contact coordinate's scale and power."""
