@@ -93,6 +93,13 @@ def test_a_curve_that_is_lost_is_followed_again_at_a_hundredth_of_the_accuracy()
         assert abs(one.displacement - other.displacement) <= one.error["displacement"] + other.error["displacement"]
 
 
+def test_rows_of_a_path_do_not_show_every_piece_of_a_table():
+    drawn = random_contacts.draw(8103, 49)
+    loop = cb.hysteresis(drawn.contact, **drawn.asked)
+    assert (loop.status, loop.jumps) == ("complete", ())
+    assert "reversible" in loop.message
+
+
 def test_two_meshes_may_agree_by_chance_on_a_table():
     """A parabola in so soft a film touches where load is all but least: it cannot touch at less."""
     drawn = random_contacts.draw(3724, 3)

@@ -99,6 +99,8 @@ TINY, MOVING, AT_ALL = 1e-2, 0.1, 1e-3
 # it is back at that of first touch, where the contact really goes on, at (n/2)^(1/(n − 2)) < √e radii of the dish. So
 # many radii are tried, each twice the last, until the contact is a disc.
 DISHED, CLEAR, LARGER = 1e-3, 2.0, 4
+# Rows are made no more accurate than this where a law consists of pieces, as tables do: meshes would have to show each.
+PIECED = 3e-8
 # A film whose response elasticity answers on a length below this is stiff; the contact behind first touch at which the
 # direction of the curve is then taken, as a share of the radius of the front.
 STIFF, SEEN = 1e-3, 0.01
@@ -600,8 +602,9 @@ class ContactProblem(MeshedContact):
         contact = self.resolution.contact
         if contact is None:
             return self
-        own = self.resolution  # which a coarse one must not undo
-        return first_problem(contact, own.accuracy, min(tolerance / ROW_SAFETY, own.tolerance))
+        law, own = contact.interaction, self.resolution  # which a coarse tolerance must not undo
+        tolerance = max(tolerance / ROW_SAFETY, PIECED if law is not None and law.pieced else 0.0)
+        return first_problem(contact, own.accuracy, min(tolerance, own.tolerance))
 
     def member(self, contact: Contact, tolerance: float | None = None) -> ContactProblem:
         """The same mesh and side of first touch for another contact, with the contact coordinate's scale and power."""
