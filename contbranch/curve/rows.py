@@ -273,7 +273,8 @@ def _opens(track: Track, found: Sequence[Found], fold: Found, accuracy: float) -
 
     Load and displacement rest there, and are told well; the closer to it a fold is, the less they tell its place.
     """
-    if not found or track.marks[len(found) - 1].kind != "topology":
+    before = next((k for k in range(len(found) - 1, -1, -1) if k == 0 or found[k] is not found[k - 1]), None)
+    if before is None or track.marks[before].kind != "topology":  # or others that are there, too
         return False
     values, errors = np.array(fold.numbers[:2]), np.array(fold.error[:2])
     told = errors <= OPENS * accuracy * np.maximum(1.0, np.abs(values))

@@ -75,12 +75,15 @@ def test_a_load_that_turns_where_a_ring_opens_turns_there():
     """Load and displacement rest at the opening of a ring: the fold in that corner is the event of the opening."""
     law = cb.Exponential(-0.709, 4.070950854001363) + cb.InverseSquare(0.291, 4.51061354623351)
     contact = cb.Contact(cb.PowerLaw(4.774, 1.0), law)
-    coarse, fine = (cb.trace(contact, accuracy=accuracy, max_load=2.0, modes=0) for accuracy in (1e-4, 1e-6))
+    soft = cb.Spring(0.05)  # whose fold is there, too
+    coarse, fine = (cb.trace(contact, soft, accuracy=accuracy, max_load=2.0, modes=0) for accuracy in (1e-4, 1e-6))
     for diagram in (coarse, fine):
         branch = diagram.branches[0]
         assert diagram.status == "complete"
         opening = next(event for event in diagram.events if event.kind == "topology")
-        (fold,) = (event for event in diagram.folds("load") if event.name == "wetting")
+        sprung, fold = (event for event in diagram.events if event.name == "wetting")
+        assert (sprung.control, fold.control) == ("spring", "load")
         assert (fold.load, fold.displacement) == (opening.load, opening.displacement)
+        assert (sprung.load, sprung.displacement) == (opening.load, opening.displacement)
         assert opening.load <= branch.load[branch.contact_radius > 0.0].min() + fold.error["load"]
     assert abs(coarse.thresholds["wetting_load"] - fine.thresholds["wetting_load"]) <= 3e-7 + 3e-9
