@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch.curve.curves import FollowedCurves
+from contbranch.curve.refine import moved, settled
+from contbranch.curve.trace import Request
 from contbranch.models.axisymmetric.creases import Crease, apart, moved_with, velocities
 from contbranch.models.axisymmetric.equations import ContactCoordinate, Equations
 from contbranch.models.axisymmetric.front import Front
@@ -151,6 +154,20 @@ def test_steps_travel_where_the_mesh_ends_at_an_edge():
     loads = 2.0 * ((tip.transform(radii) - np.sqrt(2 * np.pi * radii)) * radii - tip.transform_integral(radii))
     excess = diagram.thresholds["pull_off_load"] / loads.min() - 1.0
     assert 0.0 < excess < 2.0e-3
+
+
+def test_a_tangent_on_a_finer_mesh_moves_with_its_creases():
+    """Where a steep zone wanders the rate of h at a fixed place is a spike, which nothing but that zone makes."""
+    contact = cb.Contact(cb.SphericalCap(1.41), cb.VanDerWaals(1.0, 0.05))
+    track = FollowedCurves(contact, cb.Axisymmetric()).track(Request(1e-4))
+    creased = [point for point in track.points if point.problem.creases]
+    assert len(creased) > 20
+    for point in creased[::10]:
+        there = moved(point, point.problem.finer())
+        here, metric = settled(there), there.problem.metric(there.x)
+        tangents = [(one.tangent_x, one.tangent_parameter) for one in (there, here)]
+        lengths = [metric.norm(there.problem, *one) for one in tangents]
+        assert metric.dot(there.problem, *tangents[0], *tangents[1]) > 0.999 * lengths[0] * lengths[1]
 
 
 def test_a_row_whose_creases_the_last_mesh_cannot_hold_is_joined_on_its_own():

@@ -407,7 +407,7 @@ class MeshedContact(MovingContact):
         if not isinstance(other, MeshedContact):
             raise TypeError(f"{type(other).__name__} is not a MeshedContact")
         front, n = other.front, self.size
-        if front == self.front and not self.creases:
+        if front == self.front and not (self.creases and vector is x):
             return np.append(self.mesh.interpolate(vector[:n], other.mesh.nodes), vector[n:])
         mesh = self.placed(x).mesh.stretched(math.exp(float(x[n]))) if self.front else self.mesh
         function = self.growth(x) * x[:n] if vector is x else self.moving(vector, x)
