@@ -143,6 +143,20 @@ def test_what_cannot_be_fitted_ends_in_a_sentence(curve, change, words):
         cb.fit(cb.ForceCurve(piezo=piezo, force=force, spring=SPRING, segment=curve.retract), contact())
 
 
+def test_a_detector_at_its_end_until_the_curve_ends_is_seen(curve):
+    """A retraction that is cut at such a force, and an approach alone; a film's flat baseline is none."""
+    count = int(np.argmin(curve.force))
+    below, above = np.maximum(curve.force[:count], -60.0), np.minimum(curve.force[curve.leg(False)], 150.0)
+    for force, word in ((below, "least"), (above, "largest")):
+        assert force[-1] == force[-20]
+        data = cb.ForceCurve(piezo=curve.piezo[: force.size], force=force, spring=SPRING)
+        with pytest.raises(cb.InputError, match=f"{word} force.*leave them out"):
+            features(data, adhesive=True)
+    film = np.maximum(curve.force - 8.0 - 0.02 * curve.piezo, 0.0)
+    data = cb.ForceCurve(piezo=curve.piezo, force=film, spring=SPRING, segment=curve.retract)
+    assert features(data, adhesive=False).returned
+
+
 # -- the model --------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("law", ["maugis-dugdale", "exponential", "van-der-waals"])
 def test_interpolated_curves_have_the_jumps_of_traced_loops(law):

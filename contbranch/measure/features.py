@@ -156,7 +156,8 @@ def _cut_off(curve: ForceCurve, noise: float) -> None:
         run = max(runs, key=len)
         if run.size < PLATEAU or not np.ptp(curve.piezo[run]):
             continue
-        beside = [curve.force[max(run[0] - run.size, 0)], curve.force[min(run[-1] + run.size, len(curve) - 1)]]
+        last = run[-1] + run.size  # behind a plateau at the end there is the baseline with which the curve begins
+        beside = [curve.force[max(run[0] - run.size, 0)], curve.force[last if last < len(curve) else 0]]
         if np.abs(np.array(beside) - extreme).min() > ABOVE_NOISE * noise:
             raise InputError(
                 f"curve: the {word} force, {extreme:.4g} nN, is that of {run.size} samples in a row: the detector was "
