@@ -210,6 +210,18 @@ def test_a_retraction_cut_in_contact_has_no_pull_off(curve):
     assert seen.pull_off is None
 
 
+def test_a_contact_that_lets_go_before_the_curve_does_is_none_of_the_curves(curve):
+    """A retraction that stays at one force, with noise, and never comes off: no values are called determined."""
+    off = curve.retract & (curve.piezo < curve.piezo[np.argmin(curve.force)])
+    force = np.where(off, curve.force.min(), curve.force) + NOISE
+    data = cb.ForceCurve(piezo=curve.piezo, force=force, spring=SPRING, segment=curve.retract)
+    fit = cb.fit(data, contact(), ("work_of_adhesion", "modulus"))
+    assert fit.jumps[-1].measured is None
+    assert fit.identifiable == ()
+    assert "its pull-off is at" in fit.message
+    assert "holds down to -90 nm" in fit.message
+
+
 def test_few_samples_far_out_show_the_baseline():
     """Behind the jump off a soft spring, from 4 samples, which say nothing of a tilt."""
     count = 40
