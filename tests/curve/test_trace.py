@@ -125,3 +125,14 @@ def test_work_from_row_to_row_is_the_change_of_energy_across_meshes():
         work = work_along(first, [Piece(*linked(first, last))], last, 1e-10)
         assert work == pytest.approx(last.observables["energy"] - first.observables["energy"], abs=2e-8)
     assert changes > 5
+
+
+def test_a_fold_just_before_the_curve_begins_is_where_it_is():
+    """Rows of a wave's tail have it behind the first of them; finer discretisations find it half a wave before."""
+    layers = cb.Contact(cb.Parabola(1.0), cb.Layered(-1.0, 2.456, wavelength=4.912, phase=0.3))
+    first, *_, last = list(cb.trace(layers, accuracy=1e-5, max_load=1.0).folds("load"))[:3]
+    again = [fold for fold in cb.trace(layers, accuracy=1e-6, max_load=1.0).folds("load") if fold.name == first.name]
+    assert first.displacement == pytest.approx(again[0].displacement, abs=3 * first.error["displacement"])
+    assert last.displacement - first.displacement == pytest.approx(4.912, rel=1e-3)
+    followed = cb.follow(first, vary="interaction.phase", to=0.2)
+    assert "infinite separation" in followed.message
