@@ -157,6 +157,20 @@ def test_a_detector_at_its_end_until_the_curve_ends_is_seen(curve):
     assert features(data, adhesive=False).returned
 
 
+def test_a_force_of_few_digits_is_known_to_its_steps():
+    """Noise is an eighth of a step: most of the baseline is one number, and so is the lowest part of the retraction."""
+    fine = made(noise=0.002)
+    step = 8 * 0.002 * TRUE["work_of_adhesion"] * TRUE["radius"] * 1.5 * math.pi
+    level = fine.force - 5.0 - 0.02 * fine.piezo
+    coarse = cb.ForceCurve(piezo=fine.piezo, force=step * np.round(level / step), spring=SPRING, segment=fine.retract)
+    assert features(coarse, adhesive=True).noise == pytest.approx(step / math.sqrt(12.0), rel=0.2)
+    fit = cb.fit(coarse, contact(modulus=0.03, work_of_adhesion=0.02), ("work_of_adhesion", "modulus"))
+    for name in ("work_of_adhesion", "modulus"):
+        assert name in fit.identifiable
+        assert abs(fit.values[name] - TRUE[name]) < 4 * fit.errors[name], name
+    assert "exceed" not in fit.message
+
+
 # -- the model --------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("law", ["maugis-dugdale", "exponential", "van-der-waals"])
 def test_interpolated_curves_have_the_jumps_of_traced_loops(law):
