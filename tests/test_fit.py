@@ -344,6 +344,9 @@ def test_a_fit_can_be_stopped_and_wrong_names_are_refused(curve):
     for wrong in ({"free": ("modulos",)}, {"law": "magic"}, {"fixed": ("range",)}, {"free": ("range[1]",)}):
         with pytest.raises(cb.InputError, match="must be one of"):
             cb.fit(curve, contact(), **wrong)
+    ellipse = replace(contact(), tip=cb.EllipticParaboloid(1000.0, 500.0))
+    with pytest.raises(cb.InputError, match="without axial symmetry"):
+        cb.fit(curve, ellipse)
 
 
 def test_the_command_writes_json_csv_and_a_figure(tmp_path, curve, capsys):
