@@ -143,6 +143,34 @@ def test_what_cannot_be_fitted_ends_in_a_sentence(curve, change, words):
         cb.fit(cb.ForceCurve(piezo=piezo, force=force, spring=SPRING, segment=curve.retract), contact())
 
 
+def test_a_detector_at_its_end_until_the_curve_ends_is_seen(curve):
+    """A retraction that is cut at such a force, and an approach alone; a film's flat baseline is none."""
+    count = int(np.argmin(curve.force))
+    below, above = np.maximum(curve.force[:count], -60.0), np.minimum(curve.force[curve.leg(False)], 150.0)
+    for force, word in ((below, "least"), (above, "largest")):
+        assert force[-1] == force[-20]
+        data = cb.ForceCurve(piezo=curve.piezo[: force.size], force=force, spring=SPRING)
+        with pytest.raises(cb.InputError, match=f"{word} force.*leave them out"):
+            features(data, adhesive=True)
+    film = np.maximum(curve.force - 8.0 - 0.02 * curve.piezo, 0.0)
+    data = cb.ForceCurve(piezo=curve.piezo, force=film, spring=SPRING, segment=curve.retract)
+    assert features(data, adhesive=False).returned
+
+
+def test_a_force_of_few_digits_is_known_to_its_steps():
+    """Noise is an eighth of a step: most of the baseline is one number, and so is the lowest part of the retraction."""
+    fine = made(noise=0.002)
+    step = 8 * 0.002 * TRUE["work_of_adhesion"] * TRUE["radius"] * 1.5 * math.pi
+    level = fine.force - 5.0 - 0.02 * fine.piezo
+    coarse = cb.ForceCurve(piezo=fine.piezo, force=step * np.round(level / step), spring=SPRING, segment=fine.retract)
+    assert features(coarse, adhesive=True).noise == pytest.approx(step / math.sqrt(12.0), rel=0.2)
+    fit = cb.fit(coarse, contact(modulus=0.03, work_of_adhesion=0.02), ("work_of_adhesion", "modulus"))
+    for name in ("work_of_adhesion", "modulus"):
+        assert name in fit.identifiable
+        assert abs(fit.values[name] - TRUE[name]) < 4 * fit.errors[name], name
+    assert "exceed" not in fit.message
+
+
 # -- the model --------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("law", ["maugis-dugdale", "exponential", "van-der-waals"])
 def test_interpolated_curves_have_the_jumps_of_traced_loops(law):
@@ -194,6 +222,18 @@ def test_a_retraction_cut_in_contact_has_no_pull_off(curve):
     assert abs(cut.force[-1] - 5.0) < 0.05 * np.ptp(cut.force)
     assert not seen.returned
     assert seen.pull_off is None
+
+
+def test_a_contact_that_lets_go_before_the_curve_does_is_none_of_the_curves(curve):
+    """A retraction that stays at one force, with noise, and never comes off: no values are called determined."""
+    off = curve.retract & (curve.piezo < curve.piezo[np.argmin(curve.force)])
+    force = np.where(off, curve.force.min(), curve.force) + NOISE
+    data = cb.ForceCurve(piezo=curve.piezo, force=force, spring=SPRING, segment=curve.retract)
+    fit = cb.fit(data, contact(), ("work_of_adhesion", "modulus"))
+    assert fit.jumps[-1].measured is None
+    assert fit.identifiable == ()
+    assert "its pull-off is at" in fit.message
+    assert "holds down to -90 nm" in fit.message
 
 
 def test_few_samples_far_out_show_the_baseline():
@@ -304,6 +344,9 @@ def test_a_fit_can_be_stopped_and_wrong_names_are_refused(curve):
     for wrong in ({"free": ("modulos",)}, {"law": "magic"}, {"fixed": ("range",)}, {"free": ("range[1]",)}):
         with pytest.raises(cb.InputError, match="must be one of"):
             cb.fit(curve, contact(), **wrong)
+    ellipse = replace(contact(), tip=cb.EllipticParaboloid(1000.0, 500.0))
+    with pytest.raises(cb.InputError, match="without axial symmetry"):
+        cb.fit(curve, ellipse)
 
 
 def test_the_command_writes_json_csv_and_a_figure(tmp_path, curve, capsys):

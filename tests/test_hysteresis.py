@@ -148,6 +148,19 @@ def test_without_folds_the_path_is_reversible():
     assert loop.path.load[up][-1] == loop.path.load[~up][0]
 
 
+@pytest.mark.parametrize("law", ["exponential", "maugis-dugdale"])
+def test_a_soft_spring_snaps_off_to_where_the_path_begins(law):
+    """It lands farther away than the interaction reaches; a path that began there would leave the loop open."""
+    loop = cb.hysteresis(cb.Contact.reduced(law, 2.0), cb.Spring(0.05), accuracy=1e-4)
+    assert loop.closed
+    path, last = loop.path, loop.jumps[-1]
+    for name in ("position", "load", "displacement"):
+        assert path[name][0] == path[name][-1]
+    assert path.displacement[0] == last.to.displacement < path.displacement[1]
+    assert np.all(np.diff(path.position[path.leg == 0]) > 0.0)
+    assert loop.area == pytest.approx(loop.dissipated, rel=1e-3)
+
+
 def test_the_path_shows_the_curve():
     """Between the path's points straight lines are close to the curve: here against the closed form."""
     contact = cb.Contact.reduced("maugis-dugdale", 1.0)
@@ -262,6 +275,14 @@ def test_the_figure_of_a_loop(tmp_path):
     figure.savefig(tmp_path / "loop.png")
     low, high = above.get_xlim()
     assert all(low < jump.position < high for jump in loop.jumps)
+
+
+def test_a_jump_that_an_axis_does_not_show_has_no_arrow_there():
+    """Neither end of the snap-off is in contact: the head of an arrow without length stood beside the place."""
+    loop = cb.hysteresis(cb.Contact.reduced("gauss", 0.55), cb.Spring(0.8), accuracy=1e-4)
+    assert [jump.start.contact_radius for jump in loop.jumps] == [0.0, 0.0]
+    above, below = ([one for one in axes.texts if one.arrowprops.get("linestyle")] for axes in loop.plot().axes)
+    assert (len(above), len(below)) == (2, 1)
 
 
 def test_a_jump_from_a_load_that_all_but_vanishes_lands_one_layer_away():

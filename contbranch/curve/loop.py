@@ -172,6 +172,9 @@ class _Loop:
     def _path(self) -> Path:
         units = self.contact.scales.of_fields
         legs = [self._leg(leg) for leg in self.route.legs]
+        landing = self.route.legs[-1].begin if legs else None
+        if landing is not None and landing.piece < 0:  # farther away than the curve begins: the loop closes there
+            legs[0].insert(0, landing.state)
         states = [state for own in legs for state in own]
         columns: dict[str, Any] = {
             name: np.array([getattr(state, name) for state in states]) * units[name]

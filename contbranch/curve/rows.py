@@ -200,7 +200,8 @@ def _refined(track: Track, request: Request) -> list[Found]:
         for k, mark in enumerate(track.marks):
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
-            own = _within(_located(mark.point, _event_of(track, mark), request.accuracy, beside), request.accuracy)
+            own = _located(mark.point, _event_of(track, mark), request.accuracy, beside)
+            own = _within(track, own, request.accuracy)
             if mark.control is not None and mark.row in track.onward:
                 own = _beside(track, mark, own, request.accuracy)
             if mark.control is not None and _opens(track, found, own, request.accuracy):
@@ -222,11 +223,14 @@ def _located(point: Point, event: Event | None, accuracy: float, beside: Point |
     return min([found, *others], key=Found.relative_error)
 
 
-def _within(found: Found, accuracy: float) -> Found:
-    """An event where it is, or, if finer discretisations find it beyond an end of its problem, at that end."""
+def _within(track: Track, found: Found, accuracy: float) -> Found:
+    """An event where it is, or, if finer discretisations find it beyond an end of its problem, at that end.
+
+    Where the curve begins nothing ends: a fold that is found before is there.
+    """
     problem, place = equilibrium(found.point), found.point.parameter
     low, high = problem.parameter_range
-    if low <= place <= high or problem.given:
+    if low <= place <= high or problem.given or place < low == track.points[0].parameter:
         return found
     return refine(replace(found.point, parameter=min(max(place, low), high), observables={}), None, accuracy)
 
@@ -312,7 +316,7 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
                 break
             allowed *= 0.01
             for k in (a, b):
-                better = _within(refine(found[k].point, FoldEvent(control), allowed), allowed)
+                better = _within(track, refine(found[k].point, FoldEvent(control), allowed), allowed)
                 if better.relative_error() < found[k].relative_error():
                     found[k] = better
 

@@ -14,7 +14,7 @@ from contbranch.arrays import Array
 from contbranch.contact.interaction_law import terms_of
 from contbranch.control import Spring
 from contbranch.measure.comparison import Leg
-from contbranch.measure.features import Features
+from contbranch.measure.features import BESIDE, Features
 from contbranch.measure.minimum import Minimiser, Minimum, errors_of
 from contbranch.measure.quantities import LINE, State
 from contbranch.measure.reduced import TABOR, curve_of
@@ -47,14 +47,15 @@ def concluded(minimiser: Minimiser, found: Minimum) -> Fit:
     most = minimiser.seen.largest * state.sensitivity
     if contact.interaction is not None:
         most = max(most, 1e-3 * contact.scales.load)
+    jumps = _jumps(minimiser, found.comparison.seen, state, *minimiser.legs(problem, state))
     result = Fit(
         values=values,
         errors=spreads,
         correlations=Correlations(tuple(values), covariance / np.outer(safe, safe)),
         identifiable=()
-        if tied or not found.converged or _elsewhere(minimiser, found)
+        if tied or not found.converged or _elsewhere(minimiser, found) or _late(minimiser, jumps)
         else _known(minimiser, found, values, spreads),
-        jumps=_jumps(minimiser, found.comparison.seen, state, *minimiser.legs(problem, state)),
+        jumps=jumps,
         rms=found.rms,
         noise=minimiser.seen.noise,
         contact=contact,
@@ -88,6 +89,20 @@ def _elsewhere(minimiser: Minimiser, found: Minimum) -> float:
     """What the model leaves of the curve, if that is too much for its values to mean anything; otherwise 0."""
     rest = math.sqrt(max(found.rms**2 - minimiser.seen.noise**2, 0.0))
     return rest if rest > ELSEWHERE * max(-minimiser.seen.lowest, 0.2 * minimiser.seen.largest) else 0.0
+
+
+def _late(minimiser: Minimiser, jumps: tuple[FitJump, ...]) -> str:
+    """What to say where a fitted jump out of contact lies many samples before the end of a retraction without one."""
+    last = jumps[-1] if jumps and jumps[-1].name in ("pull-off", "wetting") else None
+    if last is None or last.measured or not last.fitted or minimiser.seen.returned:
+        return ""
+    place, back = last.fitted["piezo"], minimiser.curve.piezo[minimiser.curve.leg(True)]
+    if np.sum(back < place) <= BESIDE:
+        return ""
+    return (
+        f"This is not a curve of such a contact: its {last.name} is at {place:.5g} nm, and this one holds down to "
+        f"{back.min():.5g} nm."
+    )
 
 
 def _known(minimiser: Minimiser, found: Minimum, values: dict[str, float], errors: dict[str, float]) -> tuple[str, ...]:
@@ -141,6 +156,8 @@ def _message(minimiser: Minimiser, found: Minimum, fit: Fit) -> str:
             f"This is not a curve of such a contact: it is {rest:.3g} nN away from the closest one (pull-off "
             f"{-minimiser.seen.lowest:.3g} nN), and the values mean nothing."
         )
+    if late := _late(minimiser, fit.jumps):
+        words.append(late)
     if found.converged:
         words.append(f"The data determine {_listed(known)}." if known else "The data determine none of the values.")
     for name in (name for name in names if found.converged and name not in known):

@@ -21,12 +21,16 @@ TILTED = 3.0
 BESIDE = 12
 # A detector at its end gives one number so often.
 PLATEAU = 5
+# A parabola that is within one step of recording over a plateau rises by 9 over as many samples beside it.
+BEND = 16
 # Adhesion and contact are seen where the force leaves the baseline by so many times the noise.
 SEEN = 6.0
 # The retraction is back at the baseline where it ends within this share of all forces, and of the pull-off, from it.
 DRIFT, UNBROKEN = 0.05, 0.3
 # Noise is taken to be at least this share of the range of forces: numbers in files are rounded.
 QUIET = 2e-5
+# ... and differences of forces below this share of it are rounding.
+ROUNDED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,8 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
     approach, retract = curve.leg(False), curve.leg(True)
     if not np.ptp(curve.force):
         raise InputError("curve: the force is the same everywhere; there is no contact to fit")
-    noise = max(_noise(curve, approach, retract), QUIET * float(np.ptp(curve.force)), 1e-300)
+    told = _step(curve.force) / math.sqrt(12.0)  # as well as a number of a few digits tells a force
+    noise = max(_noise(curve, approach, retract), told, QUIET * float(np.ptp(curve.force)), 1e-300)
     far_leg = _far_leg(curve, approach, retract)
     baseline, tilt = _baseline(curve, far_leg, noise)
     force = curve.force - baseline - tilt * curve.piezo
@@ -149,19 +154,32 @@ def features(curve: ForceCurve, adhesive: bool) -> Features:
 
 
 def _cut_off(curve: ForceCurve, noise: float) -> None:
-    """Raise InputError where the extreme force is that of many samples in a row, and changes beside them."""
+    """Raise InputError where the extreme force is that of many samples in a row, and changes beside them.
+
+    By many of the steps in which it is recorded, too: where these are coarse, a flat minimum is one number as well.
+    """
+    least = max(ABOVE_NOISE * noise, BEND * _step(curve.force))
     for word, extreme in (("largest", curve.force.max()), ("least", curve.force.min())):
         same = np.flatnonzero(curve.force == extreme)
         runs = np.split(same, np.flatnonzero(np.diff(same) > 1) + 1)
         run = max(runs, key=len)
         if run.size < PLATEAU or not np.ptp(curve.piezo[run]):
             continue
-        beside = [curve.force[max(run[0] - run.size, 0)], curve.force[min(run[-1] + run.size, len(curve) - 1)]]
-        if np.abs(np.array(beside) - extreme).min() > ABOVE_NOISE * noise:
+        last = run[-1] + run.size  # behind a plateau at the end there is the baseline with which the curve begins
+        beside = [curve.force[max(run[0] - run.size, 0)], curve.force[last if last < len(curve) else 0]]
+        if np.abs(np.array(beside) - extreme).min() > least:
             raise InputError(
                 f"curve: the {word} force, {extreme:.4g} nN, is that of {run.size} samples in a row: the detector was "
                 "at its end; leave them out"
             )
+
+
+def _step(force: Array) -> float:
+    """The step in which forces were recorded, if all of them are multiples of one apart; otherwise 0."""
+    apart = np.diff(np.unique(force))
+    apart = apart[apart > ROUNDED * float(np.ptp(force))]
+    steps = apart / apart.min()
+    return float(apart.min()) if np.abs(steps - np.round(steps)).max() < 0.01 else 0.0
 
 
 def _gains(curve: ForceCurve, force: Array, allowed: float) -> bool:

@@ -101,6 +101,8 @@ def fit(
         raise InputError(f"curve: {type(curve).__name__}; must be a ForceCurve, such as cb.read_force_curve(path)")
     if not isinstance(contact, Contact) or not contact.units.physical:
         raise InputError("contact: must be a Contact with units, made by cb.Contact.physical(...) or from a file")
+    if not contact.tip.is_axisymmetric:
+        raise InputError("contact: a tip without axial symmetry; force curves are fitted by axisymmetric models")
     began = perf_counter()
     with watched(progress, time_limit) as watch, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of values that are tried on the way

@@ -143,8 +143,9 @@ class ForceCurve:
         if approach.size < LEAST:
             much = f"{approach.size} of {len(self)} samples"
             raise InputError(
-                f"curve: {much} on approach, before the largest piezo position; the piezo position must grow towards "
-                "the surface (if it falls, give its negative)"
+                f"curve: {much} on approach, without which there is no fit; the piezo position must grow towards the "
+                "surface (if it falls, give its negative), and what comes before its largest value is the approach "
+                "unless segment names it"
             )
         for retract, word in enumerate(WORDS):
             leg = self.piezo[self.leg(bool(retract))]

@@ -126,5 +126,6 @@ def _draw_jump(axes: Axes, ends: list[tuple[float, float]], nowhere: str) -> Non
         size = rcParams["legend.fontsize"]
         axes.annotate(nowhere, ends[0], (4.0, 8.0), textcoords="offset points", fontsize=size)
         return
-    style = {**_ARROW, "linestyle": ":", "color": "black", "linewidth": 0.9}
-    axes.annotate("", ends[1], ends[0], arrowprops=style, zorder=4.0)
+    if not np.allclose(ends[0], ends[1]):  # of an arrow without length the head would stand beside the place
+        style = {**_ARROW, "linestyle": ":", "color": "black", "linewidth": 0.9}
+        axes.annotate("", ends[1], ends[0], arrowprops=style, zorder=4.0)

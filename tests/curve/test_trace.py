@@ -154,3 +154,14 @@ def test_rows_for_a_path_are_no_coarser_than_those_of_a_trace():
     problem = cb.Axisymmetric().problem(cb.Contact.reduced(cb.Gauss, 1.0, -1), 1e-4)
     assert problem.rows_within(1e-4).resolution.tolerance == problem.resolution.tolerance
     assert problem.rows_within(1e-8).resolution.tolerance < 1e-8
+
+
+def test_a_fold_just_before_the_curve_begins_is_where_it_is():
+    """Rows of a wave's tail have it behind the first of them; finer discretisations find it half a wave before."""
+    layers = cb.Contact(cb.Parabola(1.0), cb.Layered(-1.0, 2.456, wavelength=4.912, phase=0.3))
+    first, *_, last = list(cb.trace(layers, accuracy=1e-5, max_load=1.0).folds("load"))[:3]
+    again = [fold for fold in cb.trace(layers, accuracy=1e-6, max_load=1.0).folds("load") if fold.name == first.name]
+    assert first.displacement == pytest.approx(again[0].displacement, abs=3 * first.error["displacement"])
+    assert last.displacement - first.displacement == pytest.approx(4.912, rel=1e-3)
+    followed = cb.follow(first, vary="interaction.phase", to=0.2)
+    assert "infinite separation" in followed.message
