@@ -93,14 +93,6 @@ def test_a_curve_that_is_lost_is_followed_again_at_a_hundredth_of_the_accuracy()
         assert abs(one.displacement - other.displacement) <= one.error["displacement"] + other.error["displacement"]
 
 
-def test_rates_that_are_noise_are_not_searched_for_folds():
-    """Behind first touch of a film of load 8e6 a long step seems to have dozens, to the corrector's cost."""
-    drawn = random_contacts.draw(9934, 67)
-    diagram = cb.trace(drawn.contact, **drawn.asked)
-    assert diagram.status == "complete"
-    assert diagram.cost.newton < 800
-
-
 def test_rows_of_a_path_do_not_show_every_piece_of_a_table():
     drawn = random_contacts.draw(8103, 49)
     loop = cb.hysteresis(drawn.contact, **drawn.asked)

@@ -9,7 +9,7 @@ from functools import partial
 from itertools import pairwise
 from typing import ClassVar
 
-from contbranch.continuation import CorrectionError, Event, EventPoint, Happening, Options, Outcome, Point, Segment
+from contbranch.continuation import CorrectionError, Event, EventPoint, Happening, Options, Point, Segment
 from contbranch.continuation.events import Bracket, Probe
 from contbranch.continuation.locate import find_root
 from contbranch.continuation.walk import Across, annotated, corrected_point, point_on
@@ -20,8 +20,6 @@ from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
 
 __all__ = ["NEGATIVE", "Balanced", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
-# More folds than that are not in one step: rates are noise, as behind first touch of a film in which rounding decides.
-MOST = 12
 # Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
 # there are several, as sharply as it takes to tell them apart, down to the last.
 SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
@@ -289,8 +287,6 @@ class Folds(Event):
             seen = None if previous is None else search.seen(previous.begin)
             self._past = [] if seen is None else [seen]
         found, points = search.brackets(self._past)
-        if len(found) > MOST:
-            raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({len(found)} folds in one step: its rates are noise.)")
         self._past = points[-BESIDES - 1 :]
         return [(control, probes[control], bracket) for control, bracket in found]
 

@@ -276,6 +276,10 @@ class EquilibriumProblem(Problem):
         slope, size = (math.sqrt(self.inner(v, v)) for v in (start.tangent_x, start.x))
         return Balance.ahead(slope, abs(start.tangent_parameter), size, start.parameter, high - low)
 
+    def leaving(self, start: Point, step: float | None) -> Point:
+        """The start with a tangent that the first step is a share of: `Options.first_step`."""
+        return start
+
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Signed distances, positive as long as this representation holds; the curve is cut where one vanishes."""
         return {}

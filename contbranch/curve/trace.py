@@ -12,7 +12,6 @@ import numpy as np
 from contbranch.continuation import CorrectionError, EventPoint, Outcome, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
-from contbranch.continuation.walk import unit_tangent
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
 from contbranch.curve.events import NEGATIVE, Ceiling, Folds, Margin, Slopes
@@ -205,13 +204,11 @@ class _Tracing:
                 margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
                 interval = Range(*problem.parameter_range)
                 balance = problem.balance(start, joint.step)
-                options = problem.steps(start)
-                if joint.step is not None:  # what the first step is to be the length of
-                    start = unit_tangent(start, balance.metric(options.weight, options.state_floor))
+                start = problem.leaving(start, joint.step)
                 leaving = replace(
                     start, tangent_x=share * start.tangent_x, tangent_parameter=share * start.tangent_parameter
                 )
-                branch = follow(leaving, balance, interval, options, [folds, *margins, self.end], stop)
+                branch = follow(leaving, balance, interval, problem.steps(start), [folds, *margins, self.end], stop)
             if len(branch.points) > 1 or (branch.points and _stopped(branch) not in ("", self.end.name)):
                 break
         if branch is None:

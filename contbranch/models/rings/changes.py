@@ -13,7 +13,6 @@ from contbranch.continuation import CorrectionError, Event, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
 from contbranch.continuation.newton import border, evaluating, linearise, solve
-from contbranch.continuation.walk import unit_tangent
 from contbranch.curve.events import Margin
 from contbranch.curve.problem import Rates, Succession, alike, equilibrium, oriented, rates_of, values_of
 from contbranch.errors import ModelError
@@ -163,9 +162,8 @@ def along(start: Point, width: float, events: Sequence[Event], arrived: Callable
     problem = equilibrium(start)
     balance, p = problem.balance(start, FIRST * width), start.parameter
     far = FAR * (problem.scale + abs(p))
-    options = problem.steps(start)
-    start = unit_tangent(start, balance.metric(options.weight, options.state_floor))
-    branch = follow(start, balance, Range(p - far, p + far), options, events, StopAt(predicate=arrived))
+    start = problem.leaving(start, FIRST * width)
+    branch = follow(start, balance, Range(p - far, p + far), problem.steps(start), events, StopAt(predicate=arrived))
     if not branch.points:
         raise ModelError(f"where a region vanished the curve could not be followed: {branch.end.message}")
     return branch.points[-1]

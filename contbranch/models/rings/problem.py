@@ -12,6 +12,7 @@ from contbranch.contact.contact import Contact
 from contbranch.continuation import Adaptation, Options, Point
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import border, linearise, solve
+from contbranch.continuation.walk import unit_tangent
 from contbranch.control import Control
 from contbranch.curve.problem import STEPS, Count, Defect, Four, Succession
 from contbranch.models.fronts import ENDURES, lasts
@@ -86,6 +87,13 @@ class RingProblem(RingEquations):
         if self.free:
             return Balance(length, max(length * rate / max(slope, 1e-300), 1e-9))
         return Balance(max(length * slope / max(rate, 1e-300), 1e-300), length)
+
+    def leaving(self, start: Point, step: float | None) -> Point:
+        """With a tangent along which the first step is as long as `balance` has it."""
+        if step is None:
+            return start
+        metric = self.balance(start, step).metric(STEPS.weight, 0.0)
+        return unit_tangent(start, metric)
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """The inequalities of contact, and how far the narrowest region is from vanishing; at most 1."""
