@@ -92,8 +92,8 @@ class RingProblem(RingEquations):
         """With a tangent along which the first step is as long as `balance` has it."""
         if step is None:
             return start
-        metric = self.balance(start, step).metric(STEPS.weight, 0.0)
-        return unit_tangent(start, metric)
+        options = self.steps(start)
+        return unit_tangent(start, self.balance(start, step).metric(options.weight, options.state_floor))
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """The inequalities of contact, and how far the narrowest region is from vanishing; at most 1."""
