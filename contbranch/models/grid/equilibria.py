@@ -48,7 +48,7 @@ from .modes import Modes
 from .newton import Equilibrium, Hold, Settings, control_held, newton, tangent
 from .observables import cell_fields, interpolate, mean_gap, profile
 from .readings import Reading, clearance, read
-from .resolution import Resolution, fills
+from .resolution import Resolution, fills, tail_energy
 from .setup import Setup, coarsened, refined
 from .walk import Walker
 
@@ -470,6 +470,10 @@ class LatticeProblem(EquilibriumProblem):
     def left_out(self, x: Array, p: float) -> Four:
         """What the cell leaves out, and what reading off the nodes does."""
         return self.reading(x, p).errors
+
+    def energy_left_out(self, x: Array, p: float) -> float:
+        """That of the interaction outside the cell."""
+        return tail_energy(self.setup, self.state(x, p))
 
     def shared(self, point: Point) -> tuple[float, float]:
         """What the cell leaves out."""

@@ -138,6 +138,25 @@ def test_what_a_cell_leaves_out_of_what_is_held_is_felt_in_the_rest(
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize(
+    ("tip", "law", "displacement"),
+    [
+        (cb.Parabola(1.0), cb.Exponential(1.0, 2.1), -11.2),
+        (cb.Parabola(1.0), cb.VanDerWaals(-1.0, 3.9), 0.8),
+        (cb.PowerLaw(1.73, 1.0), cb.VanDerWaals(1.0, 0.6), -32.0),
+        (cb.Cone(0.5), cb.Exponential(1.0, 4.0), -20.0),
+    ],
+    ids=["film", "contact", "apart", "cone"],
+)
+def test_energies_lack_what_lies_beyond_a_free_cell(tip: cb.Tip, law: cb.Interaction, displacement: float) -> None:
+    """They lack forty times and more what two lattices in the same cell differ by."""
+    contact = cb.Contact(tip, law)
+    true = cb.solve(contact, displacement=displacement, accuracy=1e-8)
+    state = cb.solve(contact, displacement=displacement, model=cb.FreeSpace(grid=48))
+    assert 0.02 * state.error["energy"] < abs(state.energy - true.energy) < state.error["energy"]
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
 def test_the_edge_of_a_cap_is_known_to_be_a_staircase() -> None:
     """A film that presses on the edge: lattices of N and N/2 nodes both miss part of the step of its pressure there."""
     contact = cb.Contact(cb.SphericalCap(5.0), cb.Gauss(-1.0, 1.617))
