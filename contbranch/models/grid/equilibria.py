@@ -572,7 +572,10 @@ class LatticeProblem(EquilibriumProblem):
         if isinstance(event, FoldEvent):
             floor[:2][np.array(event.control.weights) == 0.0] = ENOUGH
         error += floor * np.maximum(1.0, seen) + self.left_out(point.x, point.parameter)
-        error[2:] = np.where([seen[3] > 0.0 or not self.wall, seen[2] > 0.0], 0.0, error[2:])
+        radius, gap = seen[2:] > 0.0
+        error[2:] = np.where([(gap and not radius) or not self.wall, radius and not gap], 0.0, error[2:])
+        if self.wall and not radius and seen[3] <= error[3] and not isinstance(event, Margin):
+            error[2] = max(error[2], self.setup.lattice.spacing)  # what is not known to be open may be in contact
         return tuple(error.tolist())
 
     def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:

@@ -233,7 +233,7 @@ def _outside(setup: Setup, state: Equilibrium, integral: Callable[[Array, Array,
     slope, nearest = (outer - inner) / lattice.spacing, max(outer, 0.0)
     beyond = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 60) * (nearest + law.range)])
     gaps, radii = nearest + beyond, 0.5 * lattice.edge + beyond / slope
-    return 2.0 * math.pi / slope * integral(gaps, np.abs(law.evaluate(gaps).energy), radii)
+    return 2.0 * math.pi / slope * float(integral(gaps, np.abs(law.evaluate(gaps).energy), radii))
 
 
 def edge_force(setup: Setup, state: Equilibrium) -> float:
