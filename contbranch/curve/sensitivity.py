@@ -92,9 +92,10 @@ class Sensitivities:
         self.shortest = min(lengths, default=math.inf) / self.scales.normal
         self.values = {name: one.value for name, one in known.items()}
         self.powers, self.freedoms = _powers(contact, self.values)
-        self.implied = _implied(self.powers)
-        free = {name: one for name, one in known.items() if name not in self.implied}
         tips = contact.axisymmetric_tip.parameters()
+        edges = [name for name in tips if self.ends and _moves_edge(known[name])]
+        self.implied = _implied({name: self.powers[name] for name in (*edges, *self.powers)})
+        free = {name: one for name, one in known.items() if name not in self.implied}
         self.changes = cache(
             lambda step, share: {
                 name: _change(one, self.scales, step * (share if name in tips else 1.0)) for name, one in free.items()
@@ -180,7 +181,8 @@ def _implied(powers: Mapping[str, Array]) -> list[str]:
     """As many parameters as there are free units, or fewer, that follow from the others: the first that can.
 
     They are the modulus and those of the tip, which change heights by far more than the range of a law where films are
-    stiff, so that differences of states would not be small.
+    stiff, so that differences of states would not be small. Before the modulus come those that move the edge of a tip:
+    heights rise without bound there, and differences depend on their step.
     """
     found: dict[str, Array] = {}
     for name, row in powers.items():
@@ -188,6 +190,12 @@ def _implied(powers: Mapping[str, Array]) -> list[str]:
         if (size := float(np.linalg.norm(left))) > SHARE:
             found[name] = left / size
     return list(found)
+
+
+def _moves_edge(parameter: Parameter) -> bool:
+    """Whether the tip ends elsewhere with another value."""
+    here, there = (parameter.contact(parameter.value * factor).axisymmetric_tip.extent for factor in (1.0, 1.0 + WIDE))
+    return here != there
 
 
 def _change(parameter: Parameter, scales: Scales, step: float) -> _Change:

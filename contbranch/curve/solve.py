@@ -228,7 +228,7 @@ def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> 
     load, displacement, radius, gap = (given.get(name, x) for name, x in zip(names, found.numbers, strict=True))
     error = dict(zip(names, found.error, strict=True)) | dict.fromkeys(given, 0.0)
     energy, uncertain = energy_at(found)
-    error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1]
+    error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1] + problem.energy_left_out(state, p)
     size = float(np.abs(state).max(initial=0.0))
     azimuthal = problem.azimuthal(state, p, indices[1])
     return State(

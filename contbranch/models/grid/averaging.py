@@ -32,6 +32,7 @@ from contbranch.results.profile import Profile
 from .arcs import Arc, arcs, onward
 from .newton import Equilibrium
 from .readings import Reading, read
+from .resolution import tail_energy
 from .setup import Setup
 
 if TYPE_CHECKING:
@@ -361,6 +362,10 @@ class AveragedProblem(EquilibriumProblem):
             error += BEGINNING * np.abs(fit.curve(p) - fit.values[np.argmin(fit.radius)])[:2]
         load, displacement, radius, _ = read(self.setup, self.nearest(p)).errors
         return float(error[0]) + load, float(error[1]) + displacement, MEASURED * spacing + radius, 0.0
+
+    def energy_left_out(self, x: Array, p: float) -> float:
+        """That of the interaction outside the cell."""
+        return tail_energy(self.setup, self.nearest(p))
 
     def shared(self, point: Point) -> tuple[float, float]:
         """What the cell leaves out."""

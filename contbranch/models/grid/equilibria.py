@@ -48,7 +48,7 @@ from .modes import Modes
 from .newton import Equilibrium, Hold, Settings, control_held, newton, tangent
 from .observables import cell_fields, interpolate, mean_gap, profile
 from .readings import Reading, clearance, read
-from .resolution import Resolution, fills
+from .resolution import Resolution, fills, tail_energy
 from .setup import Setup, coarsened, refined
 from .walk import Walker
 
@@ -471,6 +471,10 @@ class LatticeProblem(EquilibriumProblem):
         """What the cell leaves out, and what reading off the nodes does."""
         return self.reading(x, p).errors
 
+    def energy_left_out(self, x: Array, p: float) -> float:
+        """That of the interaction outside the cell."""
+        return tail_energy(self.setup, self.state(x, p))
+
     def shared(self, point: Point) -> tuple[float, float]:
         """What the cell leaves out."""
         return self.reading(point.x, point.parameter).errors[:2]
@@ -568,7 +572,10 @@ class LatticeProblem(EquilibriumProblem):
         if isinstance(event, FoldEvent):
             floor[:2][np.array(event.control.weights) == 0.0] = ENOUGH
         error += floor * np.maximum(1.0, seen) + self.left_out(point.x, point.parameter)
-        error[2:] = np.where([seen[3] > 0.0 or not self.wall, seen[2] > 0.0], 0.0, error[2:])
+        radius, gap = seen[2:] > 0.0
+        error[2:] = np.where([(gap and not radius) or not self.wall, radius and not gap], 0.0, error[2:])
+        if self.wall and not radius and seen[3] <= error[3] and not isinstance(event, Margin):
+            error[2] = max(error[2], self.setup.lattice.spacing)  # what is not known to be open may be in contact
         return tuple(error.tolist())
 
     def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:

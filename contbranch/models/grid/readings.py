@@ -67,12 +67,12 @@ def read(setup: Setup, state: Equilibrium, cell: bool = True) -> Reading:
     if state.contact.any():
         area = contact_area(problem, state)
         radius, radius_error, perimeter = area.radius, area.radius_error, area.perimeter
-    elif isinstance(setup.contact.tip, HeightMap):
-        gap = smallest_gap(state)
-    else:
-        gap, gap_error = central_gap(problem, state)
-        if gap == 0.0:
+    if not isinstance(setup.contact.tip, HeightMap):
+        gap, gap_error = central_gap(problem, state)  # open within a ring of contact
+        if gap == 0.0 == radius:
             radius_error = setup.lattice.spacing  # a contact so small that it has no node
+    elif not state.contact.any():
+        gap = smallest_gap(state)
     if cell and radius == 0.0:  # at the rim of a contact what a ramp adds and takes is nearly the same
         inside = np.isfinite(problem.heights)
         gaps = np.maximum(state.fields.gap[inside], 0.0)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +37,7 @@ __all__ = [
     "needed_grid",
     "refuse_too_large",
     "repetition",
+    "tail_energy",
     "tail_force",
     "warn",
 ]
@@ -196,7 +198,24 @@ def border_energy(problem: GridProblem, gap: Array) -> float:
 
 
 def tail_force(setup: Setup, state: Equilibrium) -> float:
-    """Force of the interaction outside a free cell, which the cell leaves out: ∫ p_fr d²r = 2π (r |v| + ∫ |v| dr)/g′.
+    """Force of the interaction outside a free cell, which it leaves out: ∫ p_fr d²r = 2π (r |v| + ∫ |v| dr)/g′."""
+    return _outside(setup, state, lambda gaps, energies, radii: radii[0] * energies[0] + _trapezoid(energies, radii))
+
+
+def tail_energy(setup: Setup, state: Equilibrium) -> float:
+    """Energy of the interaction outside a free cell, which it leaves out: ∫ v d²r = 2π ∫ |v| r dg/g′.
+
+    By as much V changes at fixed displacement, and V − F d at fixed load, since they are stationary.
+    """
+    return _outside(setup, state, lambda gaps, energies, radii: _trapezoid(energies * radii, gaps))
+
+
+def _trapezoid(values: Array, places: Array) -> float:
+    return float((values[1:] + values[:-1]) @ np.diff(places)) / 2.0
+
+
+def _outside(setup: Setup, state: Equilibrium, integral: Callable[[Array, Array, Array], float]) -> float:
+    """2π/g′ times an integral over gaps, |v| and radii outside a free cell.
 
     The gap beyond the border is continued with its slope g′ there, as for a tip that steepens; an estimate from above.
     Infinite where the interaction has hardly decayed there: it would deform what is inside.
@@ -212,10 +231,9 @@ def tail_force(setup: Setup, state: Equilibrium) -> float:
     if not (math.isfinite(outer) and outer > inner):
         return 0.0
     slope, nearest = (outer - inner) / lattice.spacing, max(outer, 0.0)
-    gaps = nearest + np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 60) * (nearest + law.range)])
-    energy = np.abs(law.evaluate(gaps).energy)
-    beyond = float((energy[1:] + energy[:-1]) @ np.diff(gaps)) / (2.0 * slope)
-    return 2.0 * math.pi * (0.5 * lattice.edge * float(energy[0]) + beyond) / slope
+    beyond = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 60) * (nearest + law.range)])
+    gaps, radii = nearest + beyond, 0.5 * lattice.edge + beyond / slope
+    return 2.0 * math.pi / slope * float(integral(gaps, np.abs(law.evaluate(gaps).energy), radii))
 
 
 def edge_force(setup: Setup, state: Equilibrium) -> float:

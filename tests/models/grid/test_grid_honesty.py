@@ -137,6 +137,45 @@ def test_what_a_cell_leaves_out_of_what_is_held_is_felt_in_the_rest(
         assert abs(getattr(state, name) - getattr(true, name)) <= state.error[name] + true.error[name] + 1e-9, name
 
 
+def test_the_gap_within_a_ring_of_contact_is_open() -> None:
+    """A flat tip touches on a ring first; there was no gap, and no error of it, wherever a node was in contact."""
+    contact = cb.Contact(cb.PowerLaw(2.89, 1.0), cb.Exponential(-1.0, 0.88))
+    state = cb.solve(contact, displacement=4.1, model=cb.FreeSpace(cell=8.0, grid=48))
+    assert 0.0 < state.contact_radius < 0.7477  # of a disc of the same area; the outer rim by the axisymmetric model
+    assert state.error["contact_radius"] > 0.0
+    assert abs(state.central_gap - 0.027873) < state.error["central_gap"] < 1e-3  # by the same model
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_a_gap_that_may_be_closed_may_be_a_contact() -> None:
+    """Of nodes too coarse for the law: the true contact has a radius of half a spacing, and the lattice has none."""
+    contact = cb.Contact(cb.PowerLaw(1.73, 1.0), cb.VanDerWaals(1.0, 0.642))
+    true = cb.solve(contact, displacement=-1.307)
+    state = cb.solve(contact, displacement=-1.307, model=cb.FreeSpace(grid=32))
+    assert true.contact_radius > state.contact_radius == 0.0
+    assert 0.0 < state.central_gap < state.error["central_gap"]
+    assert true.contact_radius < state.error["contact_radius"]
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize(
+    ("tip", "law", "displacement"),
+    [
+        (cb.Parabola(1.0), cb.Exponential(1.0, 2.1), -11.2),
+        (cb.Parabola(1.0), cb.VanDerWaals(-1.0, 3.9), 0.8),
+        (cb.PowerLaw(1.73, 1.0), cb.VanDerWaals(1.0, 0.6), -32.0),
+        (cb.Cone(0.5), cb.Exponential(1.0, 4.0), -20.0),
+    ],
+    ids=["film", "contact", "apart", "cone"],
+)
+def test_energies_lack_what_lies_beyond_a_free_cell(tip: cb.Tip, law: cb.Interaction, displacement: float) -> None:
+    """They lack forty times and more what two lattices in the same cell differ by."""
+    contact = cb.Contact(tip, law)
+    true = cb.solve(contact, displacement=displacement, accuracy=1e-8)
+    state = cb.solve(contact, displacement=displacement, model=cb.FreeSpace(grid=48))
+    assert 0.02 * state.error["energy"] < abs(state.energy - true.energy) < state.error["energy"]
+
+
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
 def test_the_edge_of_a_cap_is_known_to_be_a_staircase() -> None:
     """A film that presses on the edge: lattices of N and N/2 nodes both miss part of the step of its pressure there."""
