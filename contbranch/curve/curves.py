@@ -169,7 +169,7 @@ class FollowedCurves:
             return replace(
                 again, message=f"The curve was lost at this accuracy, but not at {finer:g}. {again.message}".strip()
             )
-        untold = "" if over() else " At a hundredth of the accuracy it is lost, too: ask for less."
+        untold = "" if again is track or over() else " At a hundredth of the accuracy it is lost, too: ask for less."
         return replace(track, message=track.message + untold)
 
     def recent(self, request: Request, tolerance: float | None = None) -> Track:

@@ -146,7 +146,7 @@ def test_a_curve_that_is_lost_twice_says_so_and_is_the_one_at_the_accuracy_asked
         "Lost. At a hundredth of the accuracy it is lost, too: ask for less.",
     )
     assert diagram.events == known.events
-    assert "Lost." in cb.trace(contact, accuracy=1e-12).message  # nothing finer may be asked for
+    assert cb.trace(contact, accuracy=1e-12).message == "Lost."  # nothing finer may be asked for
 
 
 def test_rows_for_a_path_are_no_coarser_than_those_of_a_trace():
