@@ -141,9 +141,11 @@ def test_the_gap_within_a_ring_of_contact_is_open() -> None:
     """A flat tip touches on a ring first; there was no gap, and no error of it, wherever a node was in contact."""
     contact = cb.Contact(cb.PowerLaw(2.89, 1.0), cb.Exponential(-1.0, 0.88))
     state = cb.solve(contact, displacement=4.1, model=cb.FreeSpace(cell=8.0, grid=48))
-    assert 0.0 < state.contact_radius < 0.7477  # of a disc of the same area; the outer rim by the axisymmetric model
+    true = cb.solve(contact, displacement=4.1, accuracy=1e-4)
+    assert 0.0 < state.contact_radius < true.contact_radius  # of a disc of the same area; the outer rim
     assert state.error["contact_radius"] > 0.0
-    assert abs(state.central_gap - 0.027873) < state.error["central_gap"] < 1e-3  # by the same model
+    assert true.central_gap > 20 * true.error["central_gap"]
+    assert abs(state.central_gap - true.central_gap) < state.error["central_gap"] < 1e-3
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
