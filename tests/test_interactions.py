@@ -7,6 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import (
     INTERACTIONS,
     Exponential,
@@ -19,6 +20,7 @@ from contbranch.contact.interactions import (
     Tabulated,
     VanDerWaals,
 )
+from contbranch.contact.tips import Parabola
 from contbranch.errors import InputError
 
 WORK, RANGE = -0.7, 0.4
@@ -155,6 +157,10 @@ class TestUsersOwn:
         def shape(self, x):
             f = np.exp(-self.power * x)
             return f, -self.power * f, self.power**2 * f
+
+    def test_one_without_a_name_is_called_by_its_class(self):
+        contact = Contact(Parabola(1.0), self.Plain(-0.9, 0.3) + Exponential(0.1, 1.0))
+        assert "parabola with repulsive Plain + exponential" in contact.brief
 
     def test_one_method_is_enough(self):
         for mine, known in (

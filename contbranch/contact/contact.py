@@ -219,8 +219,10 @@ class Contact:
     @property
     def brief(self) -> str:
         """Tip, laws and Tabor coefficient in a few words."""
-        laws = [f"{'repulsive ' if law.work_of_adhesion < 0 else ''}{law.name}" if hasattr(law, "work_of_adhesion")
-                else type(law).__name__ for law in terms_of(self.interaction)]  # fmt: skip
+        laws = [
+            f"{'repulsive ' if getattr(law, 'work_of_adhesion', 1.0) < 0 else ''}{law.name or type(law).__name__}"
+            for law in terms_of(self.interaction)
+        ]
         tabor = "" if self.tabor is None else f", μ_T = {self.tabor:.4g}"
         return f"{self.tip.name or type(self.tip).__name__} with {' + '.join(laws) or 'no interaction'}{tabor}"
 

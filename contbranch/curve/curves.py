@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -38,7 +38,7 @@ BEYOND, EXTENSIONS = 1e-3, 8
 # The rows of a path count themselves, in integrals along it: they are as accurate as the events, down to this. So are
 # those that tell whether a value so close to a fold, relative to max(1, |value|), is passed.
 FINE, BESIDE = 1e-9, 3e-6
-# A curve that is lost is followed again at this share of the accuracy.
+# A curve that is lost, or in doubt, is followed again at this share of the accuracy.
 FINER = 0.01
 # A curve goes on beyond a value asked for by this share.
 PAST = 1e-9
@@ -46,6 +46,7 @@ PAST = 1e-9
 # and rows above which they take too much memory for that.
 RECENT, LONGEST = 2, 300
 _recent: dict[tuple[Any, ...], Track] = {}
+Followed = TypeVar("Followed", Track, RawCurve)
 
 
 class Model(Protocol):
@@ -145,16 +146,21 @@ class FollowedCurves:
 
     def trace(self, request: Request) -> RawCurve:
         """The whole curve with its events."""
-        return raw_curve(self.track(request), request)
+        return self._read(request, lambda track: raw_curve(track, request))
 
     def problem(self, request: Request) -> EquilibriumProblem:
         """The first problem of the curve."""
         return self.model.problem(self.reduced, request.accuracy)
 
     def track(self, request: Request, tolerance: float | None = None) -> Track:
-        """The curve with the problems that solved its rows, these within a tolerance if one is given.
+        """The curve with the problems that solved its rows, these within a tolerance if one is given."""
+        return self._read(request, lambda track: track, tolerance)
 
-        Where it is lost it is followed once more with finer discretisations, from its start.
+    def _read(self, request: Request, read: Callable[[Track], Followed], tolerance: float | None = None) -> Followed:
+        """What is read off the curve.
+
+        Where it is lost, or what is read of all of it is in doubt, it is followed once more with finer discretisations,
+        from its start.
         """
 
         def followed(accuracy: float) -> Track:
@@ -162,15 +168,18 @@ class FollowedCurves:
             return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
 
         track, finer = followed(request.accuracy), FINER * request.accuracy
-        if not track.lost or track.problem(0).given:
-            return track
-        again = track if finer < FINEST or over() else followed(finer)
+        first = read(track)
+        doubtful = track.complete and not first.complete and not over()
+        if not (track.lost or doubtful) or track.problem(0).given:
+            return first
+        tried = finer >= FINEST and not over()
+        again = read(followed(finer)) if tried else first
         if again.complete:
-            return replace(
-                again, message=f"The curve was lost at this accuracy, but not at {finer:g}. {again.message}".strip()
-            )
-        untold = "" if again is track or over() else " At a hundredth of the accuracy it is lost, too: ask for less."
-        return replace(track, message=track.message + untold)
+            lost = "The curve was lost at this accuracy, but not at"
+            why = lost if track.lost else "Its events are in doubt at this accuracy, but not at"
+            return replace(again, message=f"{why} {finer:g}. {again.message}".strip())
+        untold = " At a hundredth of the accuracy it is lost, too: ask for less." if tried and not over() else ""
+        return replace(first, message=first.message + untold * track.lost)
 
     def recent(self, request: Request, tolerance: float | None = None) -> Track:
         """The same, not followed anew if it was among the last ones.

@@ -12,6 +12,7 @@ import numpy as np
 from contbranch.continuation import CorrectionError, EventPoint, Outcome, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
+from contbranch.continuation.problem import UnresolvedError
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
 from contbranch.curve.events import NEGATIVE, Ceiling, Folds, Margin, Slopes
@@ -174,7 +175,7 @@ class _Tracing:
         if not name:
             blame(branch.end.cause)
             self.message = f"{branch.end.message} {problem.ending('', last)}".strip()
-            self.lost = branch.end.outcome is Outcome.STEP_TOO_SMALL
+            self.lost = branch.end.outcome is Outcome.STEP_TOO_SMALL or isinstance(branch.end.cause, UnresolvedError)
             return None
         margin, name = name, problem.cause(name, last)
         try:

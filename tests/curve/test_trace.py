@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch.continuation.problem import UnresolvedError
 from contbranch.control import DISPLACEMENT
 from contbranch.curve import curves
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
 from contbranch.curve.track import linked
 from contbranch.curve.work import Piece, work_along
+from contbranch.models.axisymmetric.meshed import MeshedContact
 from contbranch.models.choice import choose
 
 
@@ -147,6 +149,22 @@ def test_a_curve_that_is_lost_twice_says_so_and_is_the_one_at_the_accuracy_asked
     )
     assert diagram.events == known.events
     assert cb.trace(contact, accuracy=1e-12).message == "Lost."  # nothing finer may be asked for
+
+
+def test_a_curve_that_a_mesh_does_not_resolve_is_followed_with_finer_ones(monkeypatch):
+    """The events are those of a trace that asks for so much."""
+    examine = MeshedContact.examine
+
+    def strict(problem, x, p):
+        if problem.resolution.accuracy == 1e-4 and problem.fields(x, p).rim.radius > 1.0:
+            raise UnresolvedError("the mesh does not resolve the solution")
+        examine(problem, x, p)
+
+    monkeypatch.setattr(MeshedContact, "examine", strict)
+    coarse, fine = (cb.trace(cb.Contact.reduced(cb.Exponential, 1.0), accuracy=accuracy) for accuracy in (1e-4, 1e-6))
+    assert coarse.status == "complete"
+    assert coarse.message == f"The curve was lost at this accuracy, but not at 1e-06. {fine.message}".strip()
+    assert coarse.thresholds == pytest.approx(fine.thresholds, abs=1e-9)
 
 
 def test_rows_for_a_path_are_no_coarser_than_those_of_a_trace():

@@ -35,6 +35,8 @@ NEXT = 0.1
 # A kink counts from this share of the radius at which the tip itself has that gap; its motion counts in the inner
 # product of states at least like an h of this share of its gap.
 SEEN, LIFTED = 4e-3, 0.3
+# One that has counted does so down to this share of that: its mesh, which may end there, must not end within it.
+STAYS = 0.3
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts that are flatter by this factor, like the edges of large films.
 LARGE, OF_FILMS = 1000.0, 0.2
@@ -168,7 +170,7 @@ class Kink(Front):
             ends = slice(inside[-1], inside[-1] + 2)
             last = math.sqrt(float(np.interp(kink, fields.gap[ends], mesh.nodes[ends] ** 2)))
         near = CLOSE_TO_EDGE * _to_edge(equations, fields)
-        if not SEEN * width < last < near:
+        if not SEEN * width * (STAYS if isinstance(present, Kink) else 1.0) < last < near:
             return None
         if isinstance(present, Kink) or inside[-1] == mesh.size - 1:  # a mesh may end there
             return present if isinstance(present, Kink) else None
