@@ -19,6 +19,12 @@ PULL_OFF, TOUCH = -1.5 * math.pi, -4.0 / 3.0 * math.pi
 LAW = {cb.Gauss: ((0.209, 0.254), (0.276, 0.58)), cb.VanDerWaals: ((0.362, 0.060), (0.475, 0.26))}
 
 
+class Ramp(cb.Interaction):
+    def shape(self, x):
+        left = np.maximum(1 - x / 2, 0.0)
+        return left**2, -left, np.where(x < 2, 0.5, 0.0)
+
+
 def test_limits_of_jkr():
     law, tabor = cb.Gauss, 32.0
     diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor), modes=0)
@@ -168,11 +174,6 @@ def test_far_from_the_film_nothing_is_said_of_it():
 def test_kink_under_cone():
     """Next to where a law ends, meshes stay as long as the interaction is felt: F → 2π ∫ p r dr of the bare tip."""
 
-    class Ramp(cb.Interaction):
-        def shape(self, x):
-            left = np.maximum(1 - x / 2, 0.0)
-            return left**2, -left, np.where(x < 2, 0.5, 0.0)
-
     tabor = 30.0
     branch = cb.trace(cb.Contact(cb.Cone(1.0), Ramp(-1.0, 1 / tabor)), accuracy=1e-4, modes=0).branches[0]
     depth = 2 / tabor + branch.displacement
@@ -233,3 +234,18 @@ def test_a_front_stays_on_the_mesh():
     names = [fold.name for fold in diagram.folds("load")]
     assert len(names) > 8
     assert all(one.split("-")[0] != other.split("-")[0] for one, other in pairwise(names))
+
+
+def test_a_kink_that_is_lost_again_leaves_no_mesh_that_ends_within_it():
+    """Where a stiff film begins to bear, it is but just as wide as counts; its energy is convex: load only grows."""
+
+    def stop(_, text):
+        if not text.endswith("contact 0"):
+            raise cb.Stop
+
+    contact = cb.Contact(cb.PowerLaw(2.332, 1.0), Ramp(-1.0, 1.0 / 29.8))
+    branch = cb.trace(contact, accuracy=1e-6, modes=0, progress=stop).branches[0]
+    assert branch.load[0] < 1e-3
+    assert branch.load[-1] > 1e4
+    assert (np.diff(branch.load) > -1e-9).all()
+    assert not branch.unstable_displacement.any()
