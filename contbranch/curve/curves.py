@@ -168,18 +168,17 @@ class FollowedCurves:
             return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
 
         track, finer = followed(request.accuracy), FINER * request.accuracy
-        first = read(track)
-        doubtful = track.complete and not first.complete and not over()
-        if not (track.lost or doubtful) or track.problem(0).given:
+        once = track.problem(0).given or finer < FINEST
+        first = None if track.lost and not (once or over()) else read(track)
+        if first is not None and (once or first.complete or not track.complete or over()):
             return first
-        tried = finer >= FINEST and not over()
-        again = read(followed(finer)) if tried else first
+        again = read(followed(finer))
+        what = "The curve was lost" if track.lost else "Its events are in doubt"
         if again.complete:
-            lost = "The curve was lost at this accuracy, but not at"
-            why = lost if track.lost else "Its events are in doubt at this accuracy, but not at"
-            return replace(again, message=f"{why} {finer:g}. {again.message}".strip())
-        untold = " At a hundredth of the accuracy it is lost, too: ask for less." if tried and not over() else ""
-        return replace(first, message=first.message + untold * track.lost)
+            return replace(again, message=f"{what} at this accuracy, but not at {finer:g}. {again.message}".strip())
+        first = read(track) if first is None else first
+        too = "At a hundredth of the accuracy it is incomplete, too: ask for less."
+        return first if over() else replace(first, message=f"{first.message} {too}")
 
     def recent(self, request: Request, tolerance: float | None = None) -> Track:
         """The same, not followed anew if it was among the last ones.

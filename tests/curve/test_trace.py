@@ -144,7 +144,7 @@ def test_a_curve_that_is_lost_twice_says_so_and_is_the_one_at_the_accuracy_asked
     assert asked == [1e-4, pytest.approx(1e-6)]
     assert (diagram.status, diagram.message) == (
         "incomplete",
-        "Lost. At a hundredth of the accuracy it is lost, too: ask for less.",
+        "Lost. At a hundredth of the accuracy it is incomplete, too: ask for less.",
     )
     assert diagram.events == known.events
     assert cb.trace(contact, accuracy=1e-12).message == "Lost."  # nothing finer may be asked for
