@@ -170,7 +170,7 @@ class FollowedCurves:
         track, finer = followed(request.accuracy), FINER * request.accuracy
         once = track.problem(0).given or finer < FINEST
         first = None if track.lost and not (once or over()) else read(track)
-        if first is not None and (once or first.complete or not track.complete or over()):
+        if first is not None and (once or over() or not first.doubtful):
             return first
         again = read(followed(finer))
         what = "The curve was lost" if track.lost else "Its events are in doubt"

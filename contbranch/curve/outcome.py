@@ -113,6 +113,8 @@ class RawCurve:
     ----------
     row_errors : array (M, 2) or callable
         Error estimates of load and displacement, or what computes them.
+    doubtful : bool
+        Whether rows and events contradict each other.
     others : sequence of RawCurve
         Branches that leave the curve. Their folds bear no names and set no thresholds; their messages and costs are
         already in those of the curve.
@@ -139,6 +141,7 @@ class RawCurve:
     contact_area: Array | None = None
     contact_perimeter: Array | None = None
     cells: Sequence[Callable[[], CellFields]] = ()
+    doubtful: bool = False
     others: Sequence[RawCurve] = ()
 
     @cached_property

@@ -77,6 +77,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         place = f"load {twice[0].values[0]:.6g}, displacement {twice[0].values[1]:.6g} (reduced)"
         messages.append(f"The fold at {place} was counted twice; ask for a hundredth of the accuracy.")
     broken = [Found(event.values, event.error, event.place) for event in breaking.events]
+    doubtful = track.complete and bool(wrong or unseen or twice) and not over()
     worst = float(np.max([one.relative_error() for one in (*found, *broken)], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
         events = [replace(event, exponent=None, local_exponent=None) for event in events]
@@ -111,6 +112,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         critical=(lambda: critical_eigenvalues(track.points))
         if breaking.counts and has_modes(track) and not given
         else None,
+        doubtful=doubtful,
         **_on_nodes(track),
     )
 

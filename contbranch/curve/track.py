@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -82,6 +83,7 @@ class Track:
     message: str = ""
     work: Work = field(default_factory=Work)
     lost: bool = False
+    doubtful: ClassVar[bool] = False  # before its events are known
 
     def problem(self, row: int) -> EquilibriumProblem:
         """The problem of a row."""
