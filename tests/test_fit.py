@@ -10,6 +10,8 @@ import pytest
 
 import contbranch as cb
 from contbranch.cli import main
+from contbranch.continuation import CorrectionError, Outcome
+from contbranch.curve.track import Track
 from contbranch.measure.comparison import legs
 from contbranch.measure.features import features
 from contbranch.measure.reduced import curve_of
@@ -330,6 +332,21 @@ def test_curves_that_are_traced_for_a_fit_have_the_jumps_of_loops(tip, law):
         assert leg.jump.after == pytest.approx(jump.to.load, abs=0.01)
 
 
+def test_rows_that_no_piece_of_curve_joins_leave_the_curve(monkeypatch):
+    link = Track.link
+
+    def broken(track, k):
+        if k == len(track.points) // 2:
+            raise CorrectionError(Outcome.EVALUATION_FAILED, "")
+        return link(track, k)
+
+    monkeypatch.setattr(Track, "link", broken)
+    half = cb.Exponential(work_of_adhesion=0.5, range=0.9)
+    curve = curve_of(cb.Contact.physical(tip=cb.Parabola(1.0), modulus=1.0, interaction=half + half), 5.0)
+    pull = cb.trace(cb.Contact(cb.Parabola(1.0), cb.Exponential(1.0, 0.9))).thresholds["pull_off_load"]
+    assert curve.load.min() == pytest.approx(pull, abs=1e-4)
+
+
 def test_a_fit_without_time_for_a_curve_says_so(curve):
     contact = cb.Contact.physical(radius="1 um", modulus="1 GPa", interaction=EXPONENTIAL + EXPONENTIAL)
     with pytest.raises(cb.ModelError, match=r"^The time limit of 0.001 s was reached"):
@@ -341,9 +358,20 @@ def test_a_fit_can_be_stopped_and_wrong_names_are_refused(curve):
         fit = cb.fit(curve, contact(), time_limit=limit)
         assert fit.status == "incomplete"
         assert "time limit" in fit.message
-    for wrong in ({"free": ("modulos",)}, {"law": "magic"}, {"fixed": ("range",)}, {"free": ("range[1]",)}):
+    for wrong in (
+        {"free": ("modulos",)},
+        {"law": "magic"},
+        {"law": "tabulated"},
+        {"fixed": ("range",)},
+        {"free": ("range[1]",)},
+    ):
         with pytest.raises(cb.InputError, match="must be one of"):
             cb.fit(curve, contact(), **wrong)
+    with pytest.raises(cb.InputError, match="free: range; the limit jkr has none"):
+        cb.fit(curve, contact(), "work_of_adhesion,range", law="jkr")
+    for law in ("jkr", "compare"):
+        with pytest.raises(cb.InputError, match=f"law: {law}; is for attraction"):
+            cb.fit(curve, contact(work_of_adhesion=-0.03), law=law)
     ellipse = replace(contact(), tip=cb.EllipticParaboloid(1000.0, 500.0))
     with pytest.raises(cb.InputError, match="without axial symmetry"):
         cb.fit(curve, ellipse)

@@ -15,6 +15,7 @@ import pytest
 
 import contbranch as cb
 from contbranch.cli import main
+from contbranch.theory import maugis
 
 REFERENCE = Path(__file__).parent / "reference" / "maugis_dugdale.csv"
 KEYS = ("load", "displacement", "contact_radius", "central_gap")
@@ -478,3 +479,17 @@ def test_a_jump_in_where_the_interaction_begins_does_not_leave():
     there = traced(replace(contact, tip=cb.Parabola(1.1)), max_load=0.01).events[0]
     assert followed.curve["displacement"][-1] == pytest.approx(there.displacement, abs=1e-7)
     assert followed.curve["load"][-1] == pytest.approx(there.load, abs=1e-8)
+
+
+def test_the_parameter_of_a_function_has_a_column_without_unit(tmp_path):
+    """Maugis' pull-off in the range, by a function: the table's ends are closed forms."""
+    contact = cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(1.0, 0.5))
+    fold = event(contact, "pull-off")
+    found = cb.follow(fold, lambda z: cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(1.0, z)), 0.25, start=0.5)
+    found.to_csv(tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row, z in ((rows[0], 0.5), (rows[-1], 0.25)):
+        assert float(row["parameter"]) == z
+        assert float(row["load"]) == pytest.approx(maugis.load_fold(interaction_range=z).load, abs=1e-9)
+    assert "parameter" in found._repr_html_()

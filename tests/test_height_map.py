@@ -206,6 +206,19 @@ class TestFiles:
                 cb.HeightMap.from_file(path, cell=CELL, dataset=dataset)
             assert "\n" not in str(error.value)
 
+    def test_what_netcdf_says_of_numbers(self, tmp_path):
+        whole = np.round(1e3 * RANDOM)
+        with h5py.File(tmp_path / "a.nc", "w") as file:
+            file["z"] = whole.astype("i2")
+            file["z"].attrs.update({"scale_factor": 1e-3, "add_offset": 7.0, "units": np.array([b"um"])})
+        tip = cb.HeightMap.from_file(tmp_path / "a.nc", cell=CELL)
+        np.testing.assert_allclose(tip.heights, whole - whole.min(), atol=1e-9)
+        with h5py.File(tmp_path / "b.nc", "w") as file:
+            file["z"] = np.where(RANDOM.max() == RANDOM, -9999.0, RANDOM)
+            file["z"].attrs["_FillValue"] = [-9999.0]
+        with pytest.raises(cb.InputError, match="heights: 1 of 256 are not finite"):
+            cb.HeightMap.from_file(tmp_path / "b.nc", cell=CELL)
+
     def test_wrong_files(self, tmp_path):
         with pytest.raises(cb.InputError, match=r"^file: '.*no.npy': no such file; give the path"):
             cb.HeightMap.from_file(tmp_path / "no.npy", cell=CELL)
@@ -405,6 +418,9 @@ class TestFilesOfOtherKinds:
         Image.fromarray(colours).save(tmp_path / "a.png")
         with pytest.raises(cb.InputError, match=r"^file: '.*a.png' is a coloured image"):
             cb.HeightMap.from_file(tmp_path / "a.png", cell=CELL, grey=(0.0, 1.0))
+        Image.fromarray(RANDOM.astype("f4")).save(tmp_path / "c.tif")
+        with pytest.raises(cb.InputError, match=r"^grey: .* holds numbers, not shades: leave it out"):
+            cb.HeightMap.from_file(tmp_path / "c.tif", cell=CELL, grey=(0.0, 1.0))
         grey = np.repeat(colours[..., :1], 3, axis=2)
         Image.fromarray(grey).save(tmp_path / "b.png")
         tip = cb.HeightMap.from_file(tmp_path / "b.png", cell=CELL, grey=(0.0, 255.0))

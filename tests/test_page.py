@@ -140,6 +140,19 @@ def test_a_page_holds_what_was_computed_and_nothing_from_outside() -> None:
         )
 
 
+def test_no_more_digits_are_shown_than_a_page_of_many_curves_has(tmp_path: Path) -> None:
+    contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0)
+    design = cb.varied(contact, {"interaction.work_of_adhesion": np.linspace(0.5, 1.0, 9).tolist()})
+    with ThreadPoolExecutor(1) as executor:
+        found = cb.sweep(design, tmp_path / "s.h5", executor, accuracy=1e-4)
+    data, array = unpacked(page(found))
+    for index, item in enumerate(data["items"]):
+        exact = found.diagram(index).branches[0].load
+        unit = 10.0 ** (np.floor(np.log10(np.abs(exact) + 1e-300)) - data["digits"] + 1)
+        assert (np.abs(array(item["branches"][0]["rows"]["load"]) - exact) <= unit).all()
+    assert "=> digits(array(" not in page(found)
+
+
 @cache
 def visited(kind: str) -> dict[str, Any]:
     """What a narrow browser shows of a page on which someone has done what is written above."""

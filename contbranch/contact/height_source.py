@@ -175,6 +175,8 @@ def checked(values: object) -> Array:
 def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
     """What a file holds, and of an HDF5 file the data set and its attribute `unit` or `units`.
 
+    Other attributes by which netCDF says what the numbers stand for are heeded.
+
     Raises
     ------
     InputError
@@ -223,7 +225,9 @@ def _read_image(path: Path, grey: tuple[float, float] | None) -> Array:
     from PIL import Image  # comes with matplotlib; slow to import, and seldom needed
 
     with Image.open(path) as image:
-        if image.mode == "F":  # numbers, not shades
+        if image.mode == "F":
+            if grey is not None:
+                raise InputError(f"grey: {grey}; '{path}' holds numbers, not shades: leave it out")
             return np.asarray(image, dtype=float)
         deep = image.mode.startswith("I")  # of 16 bits
         values = np.asarray(image if deep else image.convert("RGB"), dtype=float)
@@ -252,8 +256,13 @@ def _read_dataset(path: Path, dataset: str | None) -> tuple[object, str, object]
         wanted = dataset.strip("/")
         if wanted not in found:
             raise InputError(f"dataset: {dataset!r} is not in '{path}'; must be one of {', '.join(found) or 'none'}")
-        known = file[wanted].attrs
-        return file[wanted][()], wanted, known.get("unit", known.get("units"))
+        values, known = file[wanted][()], file[wanted].attrs
+        for absent in [known[name] for name in ("_FillValue", "missing_value") if name in known]:
+            values = np.where(np.isin(values, absent), np.nan, values)
+        for name, apply in (("scale_factor", np.multiply), ("add_offset", np.add)):
+            values = apply(values, known[name]) if name in known else values
+        unit = np.ravel(known.get("unit", known.get("units", []))).tolist()
+        return values, wanted, next((u.decode() if isinstance(u, bytes) else u for u in unit), None)
 
 
 def is_topography(value: object) -> bool:

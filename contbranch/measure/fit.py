@@ -109,6 +109,10 @@ def fit(
         work = sum(term.work_of_adhesion for term in terms_of(contact.interaction))
         minimiser = Minimiser(curve.with_spring(spring), adhesive=work > 0)
         fitting = _Fitting(minimiser, contact, named(free), named(fixed))
+        if law in LIMITS and "range" in fitting.free:
+            raise InputError(f"free: range; the limit {law} has none, leave it out")
+        if law in (*LIMITS, "compare") and contact.interaction and work <= 0:
+            raise InputError(f"law: {law}; is for attraction, and the work of adhesion is {work:g}")
         try:
             found = fitting.compared() if law == "compare" else concluded(minimiser, fitting.profiled(fitting.law(law)))
         except INTERRUPTIONS as error:
@@ -140,7 +144,8 @@ class _Fitting:
         """The fit with a law, by name; None for the contact's own."""
         contact, limit = self.contact, name if name in LIMITS else ""
         if name is not None:
-            look_up(name, dict.fromkeys((*INTERACTIONS, *LIMITS, "compare")), "law")
+            known = (law for law in INTERACTIONS if law != "tabulated")
+            look_up(name, dict.fromkeys((*known, *LIMITS, "compare")), "law")
             contact = _with_law(contact, "maugis-dugdale" if limit else name)
         if limit and not isinstance(contact.tip, Parabola):
             raise InputError(f"law: {limit}; is for a parabola")

@@ -14,7 +14,8 @@ without a law are closed forms; any other contact is traced each time.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ from contbranch.contact.contact import Contact, make
 from contbranch.contact.interaction_law import Interaction, terms_of
 from contbranch.contact.interactions import INTERACTIONS, MaugisDugdale
 from contbranch.contact.tips import Parabola
+from contbranch.continuation import CorrectionError, Point
 from contbranch.continuation.walk import point_on
 from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import OPTIONS
@@ -265,19 +267,24 @@ def _rows(track: Track, place: Callable[[Array], Array] | None = None) -> Array:
     found = []
     for k, point in enumerate(track.points):
         found.append(point.observables)
-        ends = track.link(k) if place is not None and k + 1 < len(track.points) else None
-        if place is None or ends is None:
-            continue
-        low, high = (
-            float(place(np.array(_place(one.observables or one.problem.observables(one.x, one.parameter)))))
-            for one in ends
-        )
-        count = math.ceil(abs(high - low) / APART)
-        segment = piece(*ends)
-        for share in np.arange(1, count) / count:
-            between, _ = point_on(segment, share, OPTIONS)
-            found.append(equilibrium(between).values(between.x, between.parameter)._asdict())
+        if place is not None and k + 1 < len(track.points):
+            with suppress(CorrectionError):  # rows that no piece of curve joins are neighbours
+                found += _along(track.link(k), place)
     return np.array([[_place(one), one["load"], one["displacement"]] for one in found]).T
+
+
+def _along(ends: tuple[Point, Point] | None, place: Callable[[Array], Array]) -> Iterator[Mapping[str, float]]:
+    """What is seen at so many points between two that places are close; of a curve not followed there nothing."""
+    if ends is None:
+        return
+    low, high = (
+        float(place(np.array(_place(one.observables or one.problem.observables(one.x, one.parameter))))) for one in ends
+    )
+    count = math.ceil(abs(high - low) / APART)
+    segment = piece(*ends)
+    for share in np.arange(1, count) / count:
+        point, _ = point_on(segment, share, OPTIONS)
+        yield equilibrium(point).values(point.x, point.parameter)._asdict()
 
 
 def _place(seen: Mapping[str, float]) -> float:

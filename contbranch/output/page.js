@@ -25,6 +25,7 @@ const label = (name) => WORDS[name] + (unit(name) ? ` (${unit(name)})` : "");
 const words = (name) => name.replace(/_/g, " ");
 const digits = (value, count = 7) => value === null || Number.isNaN(value) ? "–"
   : String(Number(value.toPrecision(count))).replace("-", "−").replace(/e[+]?/, " e");
+const kept = (value) => digits(value, data.digits);  // of an array
 const called = (event) => event.kind === "touch" ? "first touch"
   : [event.kind, event.name, event.mode && `m = ${event.mode}`].filter(Boolean).join(" ");
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
@@ -289,7 +290,7 @@ function drawProfile() {
   byId("state").replaceChildren();
   if (!one && !item().loop) return;
   const entry = (name, value) => { element("dt", {}, byId("state"), name); element("dd", {}, byId("state"), value); };
-  for (const name of NAMES) entry(WORDS[name], `${digits(view.values[name])} ${unit(name)}`);
+  for (const name of NAMES) entry(WORDS[name], `${kept(view.values[name])} ${unit(name)}`);
   for (const control of item().controls) {
     const modes = one ? array(one.unstable[control])[view.row] : 0;  // a loop passes stable states
     entry(`under ${control === "spring" ? "the spring" : control}`, modes ? `unstable (${modes} mode${modes > 1 ? "s" : ""})` : "stable");
@@ -299,7 +300,7 @@ function drawProfile() {
   if (!shown) return void element("p", { class: "soft" }, holder, `No profiles were kept for this ${one ? "curve" : "loop"}.`);
   const width = holder.clientWidth || 420, height = clamp(0.98 * width, 300, 460), half = (height - 66) / 2;
   const svg = draw("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img",
-    "aria-label": `Deformed tip above the wall, and pressure, at load ${digits(array(one.rows.load)[view.row])}` }, holder);
+    "aria-label": `Deformed tip above the wall, and pressure, at load ${kept(array(one.rows.load)[view.row])}` }, holder);
   const onGrid = ["periodic", "free"].includes(item().model);
   const reach = 1.02 * (one.reach || shown.r[shown.r.length - 1]), low = onGrid ? 0 : -reach, top = item().limit || span("gap", one)[1];
   const mirrored = (values) => [...Array.from(values).reverse(), ...values];
@@ -487,8 +488,8 @@ function drawTables() {
   const holder = byId("table"), fill = () => {
     const rows = [];
     const counted = item().branches.length ? item().controls : [];
-    lines().forEach((line, b) => array(line.load).forEach((_, i) => rows.push([String(i), ...NAMES.map((name) => digits(array(line[name])[i])),
-      ...counted.map((c) => digits(array(item().branches[b].unstable[c])[i]))])));
+    lines().forEach((line, b) => array(line.load).forEach((_, i) => rows.push([String(i), ...NAMES.map((name) => kept(array(line[name])[i])),
+      ...counted.map((c) => kept(array(item().branches[b].unstable[c])[i]))])));
     table(holder, ["point", ...NAMES.map(label), ...counted.map((c) => `unstable modes, ${c}`)], rows);
   };
   holder.replaceChildren();

@@ -31,6 +31,7 @@ _RANGES = 8.0  # of the interaction: the largest gap that is shown
 _BUDGET = 4_000_000  # numbers in the profiles of a page, which take some three bytes each
 _STEPS = (3, 8)  # of 24 points drawn for each step of a trace: taken of a single one, and of many
 _MANY = 8
+_DIGITS = (7, 5)  # of what is packed, of few curves and of many
 _SIDE = 48  # nodes a side of a map
 _TINY = 1e-30
 
@@ -65,6 +66,7 @@ def page(result: Result, curve: Diagram | None = None) -> str:
         known |= {name: getattr(result, name) for name in ("parameters", "axes", "mode")}
     else:
         raise InputError(f"result: {type(result).__name__}; a page shows a diagram, a loop or a sweep")
+    known["digits"] = packed.digits
     text = json.dumps(plain(known), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     folder = files("contbranch.output")
     parts = {"TITLE": escape(title), "DATA": text, "ARRAYS": packed.text()}
@@ -89,10 +91,15 @@ class _Packed:
         self._length += len(part)
         return [self._length - len(part), len(part)]
 
+    @property
+    def digits(self) -> int:
+        """Decimal digits that the numbers have."""
+        return _DIGITS[self.count > _MANY]
+
     def text(self) -> str:
         """All arrays, packed byte by byte: the first bytes of neighbours are alike."""
         whole = np.concatenate([*self._parts, np.zeros(1, np.float32)])
-        if self.count > _MANY:  # five digits
+        if self.digits < _DIGITS[0]:
             whole = (((whole.view(np.uint32) + 0x40) >> 7) << 7).view(np.float32)
         planes = whole.astype("<f4").view(np.uint8).reshape(-1, 4).T
         return base64.b64encode(gzip.compress(planes.tobytes(), 6, mtime=0)).decode()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from contbranch.arrays import Array
@@ -120,7 +121,8 @@ class Followed(Result):
         errors = {f"{name}_error": values for name, values in self.error.items()}
         names = dict(self.unit_names)
         if self.contact is not None:  # as of a file whose law is not at hand
-            names[self.parameter] = self.contact.units.name(dimension_of(self.contact, self.parameter))
+            with suppress(InputError):  # the parameter of a function has no unit
+                names[self.parameter] = self.contact.units.name(dimension_of(self.contact, self.parameter))
         return {"point": of_columns({**self.curve, **errors}, names)}
 
     def at(self, value: float) -> tuple[FollowedPoint, ...]:
