@@ -418,6 +418,9 @@ class TestFilesOfOtherKinds:
         Image.fromarray(colours).save(tmp_path / "a.png")
         with pytest.raises(cb.InputError, match=r"^file: '.*a.png' is a coloured image"):
             cb.HeightMap.from_file(tmp_path / "a.png", cell=CELL, grey=(0.0, 1.0))
+        Image.fromarray(np.array([[0, 70000]] * 2, dtype="i4")).save(tmp_path / "d.tif")
+        with pytest.raises(cb.InputError, match=r"^file: '.*d.tif' has shades beyond those of 16 bits"):
+            cb.HeightMap.from_file(tmp_path / "d.tif", cell=CELL, grey=(0.0, 1.0))
         Image.fromarray(RANDOM.astype("f4")).save(tmp_path / "c.tif")
         with pytest.raises(cb.InputError, match=r"^grey: .* holds numbers, not shades: leave it out"):
             cb.HeightMap.from_file(tmp_path / "c.tif", cell=CELL, grey=(0.0, 1.0))
