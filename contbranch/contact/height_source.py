@@ -234,7 +234,7 @@ def _read_image(path: Path, grey: tuple[float, float] | None) -> Array:
     if not deep and np.ptp(values, axis=2).any():
         raise InputError(f"file: '{path}' is a coloured image; shades of grey can be heights: convert it")
     if deep and not 0.0 <= values.min() <= values.max() <= 65535.0:
-        raise InputError(f"file: '{path}' has shades beyond those of 16 bits, 0 to 65535; save heights as numbers, in .npy")
+        raise InputError(f"file: '{path}' has shades beyond those of 16 bits; save heights as numbers, in .npy")
     if grey is None:
         raise InputError(f"grey: missing; give the heights of black and of white in '{path}', for example (0.0, 12.0)")
     return grey[0] + (grey[1] - grey[0]) * (values / 65535.0 if deep else values[..., 0] / 255.0)

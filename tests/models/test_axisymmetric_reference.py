@@ -9,6 +9,7 @@ model. In contact h has a tau⁴ log tau term, on which it converges algebraical
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -22,10 +23,12 @@ import contbranch as cb
 
 Array = np.ndarray
 
+leggauss = cache(np.polynomial.legendre.leggauss)
+
 
 def composite(edges: Array, order: int = 24) -> tuple[Array, Array]:
     """Nodes and weights of Gauss–Legendre panels."""
-    z, w = np.polynomial.legendre.leggauss(order)
+    z, w = leggauss(order)
     half = np.diff(edges) / 2
     return (edges[:-1, None] + half[:, None] * (1 + z)).ravel(), (half[:, None] * w).ravel()
 
