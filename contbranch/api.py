@@ -230,7 +230,7 @@ def _found(asked: _Asked, found: Coexisting, field: str) -> Equilibria:
     normal = asked.contact.scales.normal
     states = tuple(state_in_units(asked.contact, state) for state in found.states)
     stable = sum(state.stable(asked.control) for state in states)
-    known = number_of(len(states), "equilibrium", "equilibria")
+    known = number_of(len(states), "equilibrium", "equilibria") + " found so far" * over()
     words = f"{known} in the window, {stable} stable under {asked.control.kind} control"
     return Equilibria(
         states=states,

@@ -303,5 +303,6 @@ def test_what_was_not_found_is_drawn_and_told_as_such() -> None:
 
     assert cb.solve(REPULSION, load=1.0, progress=stop).plot().texts[0].get_text() == "no state was found"
     told = cb.find_all(REPULSION, load=1.0, progress=stop).message
+    assert told.startswith("0 equilibria found so far in the window")
     assert "; ." not in told
     assert len(cb.trace(REPULSION, cb.Spring(1.0), time_limit=1e-9).branches[0].unstable("spring")) == 0
