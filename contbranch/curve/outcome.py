@@ -45,6 +45,7 @@ __all__ = [
     "no_curve",
     "state_in_reduced",
     "state_in_units",
+    "stiffest",
 ]
 
 # Tabor coefficients below which curves of repulsion and of attraction are followed to their end.
@@ -306,7 +307,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         stiffness=control.spring_stiffness,
         accuracy=accuracy,
         status="complete" if curve.complete else "incomplete",
-        message=f"{curve.message}{'' if curve.complete else _stiffest(contact)}",
+        message=f"{curve.message}{'' if curve.complete else stiffest(contact)}",
         description=contact.describe(),
         unit_names=contact.units.names,
         local_exponents=local_exponents,
@@ -314,7 +315,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
     )
 
 
-def _stiffest(contact: Contact) -> str:
+def stiffest(contact: Contact) -> str:
     """What holds in the limit of stiff interactions; empty for those that are followed."""
     tabor, terms = contact.tabor or 0.0, terms_of(contact.interaction)
     adhesive = sum(term.work_of_adhesion for term in terms) > 0

@@ -148,6 +148,11 @@ def test_a_curve_that_is_lost_twice_says_so_and_is_the_one_at_the_accuracy_asked
     )
     assert diagram.events == known.events
     assert cb.trace(contact, accuracy=1e-12).message == "Lost."  # nothing finer may be asked for
+    soft = cb.Axisymmetric().problem(contact, 1e-4)
+    monkeypatch.setattr(curves, "trace", lambda problem, request: lost(soft, request))
+    stiff = cb.trace(cb.Contact.reduced(cb.Gauss, 1e4, -1), accuracy=1e-4)
+    assert len(asked) == 4
+    assert stiff.message.startswith("Lost. Stiffer than what is followed to its end")
 
 
 def test_a_curve_that_a_mesh_does_not_resolve_is_followed_with_finer_ones(monkeypatch):
