@@ -168,7 +168,7 @@ class FollowedCurves:
             return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
 
         track, finer = followed(request.accuracy), FINER * request.accuracy
-        once = track.problem(0).given or finer < FINEST or bool(stiffest(self.contact))
+        once = not track.points or track.problem(0).given or finer < FINEST or bool(stiffest(self.contact))
         first = None if track.lost and not (once or over()) else read(track)
         if first is not None and (once or over() or not first.doubtful):
             return first

@@ -299,3 +299,9 @@ def test_a_ring_under_a_cap_is_found_at_every_accuracy():
     for one, other in zip(coarse.events, fine.events, strict=True):
         for name, error in one.error.items():
             assert abs(getattr(one, name) - getattr(other, name)) <= error + other.error[name]
+
+
+def test_a_tip_that_is_all_but_a_flat_punch_is_left_without_rows():
+    diagram = cb.trace(cb.Contact(cb.PowerLaw(1e6, 1.0), cb.Gauss(1.0, 1.0)))
+    assert (diagram.status, len(diagram.branches[0])) == ("incomplete", 0)
+    assert "the mesh does not resolve the solution" in diagram.message
