@@ -179,3 +179,20 @@ def test_where_stiff_contacts_are_soft_the_finer_mesh_itself_tells_the_error():
             excess.append(by_own / true)
     assert len(excess) > 3
     assert max(excess) > 30.0
+
+
+class Parabolic(cb.Interaction):
+    """f = (1 - x/3)² up to x = 3, where f'' jumps."""
+
+    def shape(self, x):
+        u = np.maximum(1.0 - x / 3.0, 0.0)
+        return u * u, -2.0 / 3.0 * u, 2.0 / 9.0 * (u > 0.0)
+
+
+def test_place_of_a_fold_whose_film_reaches_a_kink_under_a_cap():
+    """Against panels in √(t² - a²) with one end moved to the kink until it stays there: 56 panels of 16 nodes."""
+    law = Parabolic(-1.0, 0.44) + cb.Gauss(0.6022674456636709, 0.33487382594835907)
+    contact = cb.Contact(cb.SphericalCap(1.7524733743253385, 2.0376482142603796), law)
+    fold = next(e for e in cb.trace(contact, accuracy=1e-6).events if e.name == "squeeze-out")
+    assert abs(fold.central_gap - 0.6151355) <= 3.0 * fold.error["central_gap"] + 3e-7
+    assert abs(fold.displacement - 0.01936102) <= 3.0 * fold.error["displacement"] + 1e-7

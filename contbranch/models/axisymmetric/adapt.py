@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from scipy.linalg import lapack
 
 from contbranch.arrays import Array, Indices, magnitude
@@ -17,8 +18,8 @@ from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
 __all__ = [
-    "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "finer_error", "needed_reach", "panel_errors",
-    "roughness", "similar",
+    "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "finer_error", "kinked", "needed_reach",
+    "panel_errors", "roughness", "similar",
 ]  # fmt: skip
 
 Solver = Callable[[Array], Array]
@@ -264,7 +265,7 @@ def adapted_edges(
         gaps = equations.mesh.interpolate(fields.gap, stretch * edges)
         superfluous = superfluous[np.abs(gaps[superfluous] - equations.kink) > AT_KINK * equations.kink]
     found = np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit.bounded)[bad]]))
-    return _kinked(equations, fields, found, stretch) if unit.bounded and math.isfinite(equations.kink) else found
+    return kinked(equations, fields, found, stretch) if unit.bounded else found
 
 
 def cuts(edges: Array, bounded: bool) -> Array:
@@ -276,13 +277,15 @@ def cuts(edges: Array, bounded: bool) -> Array:
     return found
 
 
-def _kinked(equations: Equations, fields: Fields, edges: Array, stretch: float) -> Array:
+def kinked(equations: Equations, fields: Fields, edges: Array, stretch: float) -> Array:
     """Edges with one where the law has its kink: nodes that lie all on one side of it do not tell it is there."""
     nodes, inside = equations.mesh.nodes, np.flatnonzero(fields.gap < equations.kink)
     if not inside.size or inside[-1] + 1 == nodes.size or not math.isfinite(fields.gap[inside[-1] + 1]):
         return edges
     ends = slice(inside[-1], inside[-1] + 2)
-    place = math.sqrt(float(np.interp(equations.kink, fields.gap[ends], nodes[ends] ** 2))) / stretch
+    off = fields.gap - equations.kink
+    tau = scipy.optimize.brentq(lambda tau: float(equations.mesh.interpolate(off, np.array([tau]))[0]), *nodes[ends])
+    place = tau / stretch
     if not edges[1] < place < edges[-1]:
         return edges
     away = np.abs(edges[2:-1] - place) > APART * place

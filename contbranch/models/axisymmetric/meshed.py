@@ -22,6 +22,7 @@ from .adapt import (
     defect_error,
     factorised,
     finer_error,
+    kinked,
     needed_reach,
     panel_errors,
     roughness,
@@ -381,7 +382,7 @@ class MeshedContact(MovingContact):
         """On panels halved where they do not resolve a state, or all, of the trace's own order."""
         problem, x, u = self, point.x, point.parameter
         if share == 0.0 and 2 * self.size <= FINEST:
-            return self._all_halved()
+            return self._all_halved(point)
         goal = max(share * self.relative_error(x, u), self.rounding)
         tried: list[tuple[float, Self]] = []
         for _ in range(ROUNDS):
@@ -394,12 +395,15 @@ class MeshedContact(MovingContact):
         error, best = min(tried, key=lambda one: one[0])
         if error > WORTH * self.relative_error(point.x, u) and 2 * self.size <= FINEST:
             # What is left is everywhere, as next to the many kinks of a table's derivatives: panels tell nothing of it.
-            return self._all_halved()
+            return self._all_halved(point)
         return best
 
-    def _all_halved(self) -> Self:
+    def _all_halved(self, point: Point) -> Self:
         mesh = self.mesh
         edges = np.union1d(mesh.edges, cuts(mesh.edges, mesh.bounded))
+        if mesh.bounded:
+            equations, fields = self.seen(point.x, point.parameter)
+            edges = kinked(equations, fields, edges, equations.mesh.end / mesh.end)
         return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
