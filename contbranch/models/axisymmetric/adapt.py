@@ -282,10 +282,14 @@ def kinked(equations: Equations, fields: Fields, edges: Array, stretch: float) -
     nodes, inside = equations.mesh.nodes, np.flatnonzero(fields.gap < equations.kink)
     if not inside.size or inside[-1] + 1 == nodes.size or not math.isfinite(fields.gap[inside[-1] + 1]):
         return edges
-    ends = slice(inside[-1], inside[-1] + 2)
-    off = fields.gap - equations.kink
-    tau = scipy.optimize.brentq(lambda tau: float(equations.mesh.interpolate(off, np.array([tau]))[0]), *nodes[ends])
-    place = tau / stretch
+    low, high = nodes[inside[-1] : inside[-1] + 2]
+
+    def off(tau: float) -> float:
+        return float(equations.mesh.interpolate(fields.gap, np.array([tau]))[0]) - equations.kink
+
+    if not off(low) < 0.0 < off(high):  # a node lies on it
+        return edges
+    place = scipy.optimize.brentq(off, low, high) / stretch
     if not edges[1] < place < edges[-1]:
         return edges
     away = np.abs(edges[2:-1] - place) > APART * place
