@@ -46,7 +46,7 @@ PAST = 1e-9
 # and rows above which they take too much memory for that.
 RECENT, LONGEST = 2, 300
 _recent: dict[tuple[Any, ...], Track] = {}
-Followed = TypeVar("Followed", Track, RawCurve)
+Reading = TypeVar("Reading", Track, RawCurve)
 
 
 class Model(Protocol):
@@ -156,7 +156,7 @@ class FollowedCurves:
         """The curve with the problems that solved its rows, these within a tolerance if one is given."""
         return self._read(request, lambda track: track, tolerance)
 
-    def _read(self, request: Request, read: Callable[[Track], Followed], tolerance: float | None = None) -> Followed:
+    def _read(self, request: Request, read: Callable[[Track], Reading], tolerance: float | None = None) -> Reading:
         """What is read off the curve.
 
         Where it is lost, or what is read of all of it is in doubt, it is followed once more with finer discretisations,
