@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import scipy
 from scipy.linalg import lapack
 
 from contbranch.arrays import Array, Indices, magnitude
@@ -18,8 +17,8 @@ from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
 __all__ = [
-    "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "finer_error", "kinked", "needed_reach",
-    "panel_errors", "roughness", "similar",
+    "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "finer_error", "needed_reach", "panel_errors",
+    "roughness", "similar",
 ]  # fmt: skip
 
 Solver = Callable[[Array], Array]
@@ -46,8 +45,6 @@ SIMILAR = 1e-2
 MERGE = 0.1
 # Edges of panels at which the gap is this close to the law's kink stay.
 AT_KINK = 1e-6
-# ... and others are at least this share of its distance away from it, where it is put on an edge.
-APART = 1e-3
 
 
 def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:
@@ -264,8 +261,7 @@ def adapted_edges(
     if math.isfinite(equations.kink):
         gaps = equations.mesh.interpolate(fields.gap, stretch * edges)
         superfluous = superfluous[np.abs(gaps[superfluous] - equations.kink) > AT_KINK * equations.kink]
-    found = np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit.bounded)[bad]]))
-    return kinked(equations, fields, found, stretch) if unit.bounded else found
+    return np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit.bounded)[bad]]))
 
 
 def cuts(edges: Array, bounded: bool) -> Array:
@@ -275,25 +271,6 @@ def cuts(edges: Array, bounded: bool) -> Array:
     if bounded:
         found[-1] += (0.5 - GRADING) * (edges[-1] - edges[-2])
     return found
-
-
-def kinked(equations: Equations, fields: Fields, edges: Array, stretch: float) -> Array:
-    """Edges with one where the law has its kink: nodes that lie all on one side of it do not tell it is there."""
-    nodes, inside = equations.mesh.nodes, np.flatnonzero(fields.gap < equations.kink)
-    if not inside.size or inside[-1] + 1 == nodes.size or not math.isfinite(fields.gap[inside[-1] + 1]):
-        return edges
-    low, high = nodes[inside[-1] : inside[-1] + 2]
-
-    def off(tau: float) -> float:
-        return float(equations.mesh.interpolate(fields.gap, np.array([tau]))[0]) - equations.kink
-
-    if not off(low) < 0.0 < off(high):  # a node lies on it
-        return edges
-    place = scipy.optimize.brentq(off, low, high) / stretch
-    if not edges[1] < place < edges[-1]:
-        return edges
-    away = np.abs(edges[2:-1] - place) > APART * place
-    return np.sort(np.concatenate([edges[:2], edges[2:-1][away], [place], edges[-1:]]))
 
 
 def _mergeable(guide: Callable[[Array], Array], edges: Array, errors: Array, share: float) -> Indices:

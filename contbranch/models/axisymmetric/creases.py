@@ -3,7 +3,8 @@
 A film that is about to give way in one place, or layers, make the gap dip, or rise, over a length far below the film's
 own. Where the film is flat there is next to nothing to hold such a crease, and the curve passes through all places that
 it can be at. On a mesh that moves along with it, ``xi -> xi + Σ b_k v_k(xi)`` with one unknown b_k and one equation
-for each, ``g'(xi_k) = 0`` for a crease and ``g(xi_k) = g_k`` for a step, it stands still.
+for each, ``g'(xi_k) = 0`` for a crease and ``g(xi_k) = g_k`` for a step, it stands still. Where the law's stiffness
+jumps is such a step, too, on a mesh that ends at the edge of a tip: there the panels' polynomials end.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ from contbranch.errors import ModelError
 from .equations import Fields
 from .mesh import Mesh
 
-__all__ = ["SHARE", "SHORTER", "Crease", "apart", "creases_of", "located", "moved_with", "shortened", "velocities"]
+__all__ = [
+    "SHARE", "SHORTER", "STAYS", "Crease", "apart", "creases_of", "crossing", "joined", "kink_of", "located",
+    "moved_with", "shortened", "velocities",
+]  # fmt: skip
 
 # A crease is narrower than its distance from the rim by the first factor, and changes the pressure by the second
 # multiple of its largest value over that distance, or, a step, answers the gap within that distance over the third; one
@@ -34,6 +38,10 @@ AROUND, SHARE = 3.0, 0.35
 SHORTER, SHORTEST = 0.4, 0.2
 # Creases that are followed; steps of Newton's method by which they are located.
 MOST, NEWTON = 6, 3
+# The key of a law's kink; other edges of panels are at least this share of its distance away from it, and one is at no
+# more than the second. A kink that has counted does so down to this share of the distance from which on others do: its
+# mesh, which may end there, must not end within it.
+KINK, NEXT, INNERMOST, STAYS = -1, 1e-3, 0.5, 0.3
 
 
 class AstrayError(ModelError, UnresolvedError):
@@ -70,6 +78,11 @@ class Crease:
     weight: float
     key: int
 
+    @property
+    def kink(self) -> bool:
+        """Whether the law has one there."""
+        return self.key == KINK
+
     def stretched(self, factor: float, weight: float) -> Crease:
         """The same where lengths are stretched, with a weight for its motion by its own place."""
         place = factor * self.place
@@ -93,8 +106,8 @@ def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, m
     resting : (float, float) or None
         What stays between them where it is: a front.
     """
-    # Next to the mesh's end, which stays, less is held than a crease is wide.
-    last = [(crease.place + float(mesh.end)) / 2 for crease in creases]
+    # Next to the mesh's end, which stays, less is held than a crease is wide, and panels beyond a kink shrink alike.
+    last = [crease.place if crease.kink else (crease.place + float(mesh.end)) / 2 for crease in creases]
     held = [(c.place - c.half, min(c.place + c.half, most)) for c, most in zip(creases, last, strict=True)]
     spans = sorted([*held, resting] if resting else held)
     knots = np.array([mesh.innermost, *itertools.chain(*spans), mesh.end])
@@ -145,7 +158,8 @@ def creases_of(
     steps : float
         Steps count, too, where their distance from the rim differs from the front's by this factor.
     """
-    nodes, chosen, fresh = mesh.nodes, list[Crease](), 1 + max((crease.key for crease in followed), default=-1)
+    nodes, chosen = mesh.nodes, [crease for crease in followed if crease.kink]
+    fresh = 1 + max((crease.key for crease in followed), default=-1)
     steep = np.abs(nodes * mesh.derivative(fields.pressure)) / max(magnitude(fields.pressure), 1e-300)
     firm = np.maximum(steep, np.abs(nodes * fields.stiffness) / (FIRM / STEEP))
     found = [(place, 1, 0.0, bend, math.sqrt(range_ / abs(bend))) for place, bend in _turns(mesh, fields.gap)]
@@ -172,6 +186,45 @@ def creases_of(
             key = known.key if known else fresh + len(chosen)
             chosen.append(Crease(place, min(AROUND * width, room), order, value, slope, 0.0, key))
     return apart(chosen[:MOST])
+
+
+def crossing(mesh: Mesh, gap: Array, value: float) -> tuple[float, float] | None:
+    """The outermost place at which a gap rises through a value, as two nodes tell it, and its slope; None without.
+
+    That is infinite where a tip ends between them.
+    """
+    inside = np.flatnonzero(gap < value)
+    if not inside.size or inside[-1] + 1 == mesh.size:
+        return None
+    ends = slice(inside[-1], inside[-1] + 2)
+    place = math.sqrt(float(np.interp(value, gap[ends], mesh.nodes[ends] ** 2)))
+    return place, float(np.diff(gap[ends])[0] / np.diff(mesh.nodes[ends])[0])
+
+
+def kink_of(
+    mesh: Mesh, gap: Array, value: float, least: float, followed: Sequence[Crease] = ()
+) -> tuple[Crease, ...]:
+    """What moves with the place where the law's stiffness jumps, a gap of that value, without its weight; none without.
+
+    It counts from a distance, `least`, and down to a share of that; one that is followed stays what it is.
+    """
+    found, known = crossing(mesh, gap, value), [crease for crease in followed if crease.kink]
+    if found is None or math.isinf(found[1]):
+        return ()
+    place, slope = (known[0].place, known[0].slope) if known else found
+    room = SHARE * min(place - min(mesh.innermost, INNERMOST * place), mesh.end - place)
+    if not (place > least * (STAYS if known else 1.0) and room > NEXT * place):
+        return ()
+    return (Crease(place, room, 0, value, slope, 0.0, KINK),)
+
+
+def joined(edges: Array, creases: Sequence[Crease]) -> Array:
+    """Edges of panels with those creases among them across which nothing is a polynomial; the innermost one rests."""
+    for place in (crease.place for crease in creases if crease.kink):
+        away = np.abs(edges - place) > NEXT * place
+        inner = [INNERMOST * place] if edges[1] > INNERMOST * place else []
+        edges = np.unique(np.append(edges[away], [*inner, place]))
+    return edges
 
 
 def apart(creases: Sequence[Crease], fixed: Sequence[float] = ()) -> tuple[Crease, ...]:

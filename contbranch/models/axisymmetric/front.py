@@ -10,6 +10,7 @@ to zero there: that is where the mesh ends.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -19,24 +20,23 @@ from contbranch.arrays import Array, magnitude
 from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
-from .creases import SHARE, Crease
+from .creases import SHARE, STAYS, Crease, crossing, kink_of
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Edge", "Front", "Kink", "lifted", "steepest"]
+__all__ = ["Edge", "Front", "Kink", "kinks", "lifted", "steepest"]
 
 # A front is moved where the gap rises by less than this share of what it did, too.
 RESTS = 0.25
 # A mesh that must reach beyond the first share of the distance to the edge of the tip ends there, if what ends there
 # exceeds the tolerance, and goes on to do so down to the second share of both.
 CLOSE_TO_EDGE, LEAVES = 0.8, 0.6
+MISSED = 0.03
 # Other edges of panels are at least this share of its distance away from a kink.
 NEXT = 0.1
 # A kink counts from this share of the radius at which the tip itself has that gap; its motion counts in the inner
 # product of states at least like an h of this share of its gap.
 SEEN, LIFTED = 4e-3, 0.3
-# One that has counted does so down to this share of that: its mesh, which may end there, must not end within it.
-STAYS = 0.3
 # Radius over which the interaction is felt in units of the length on which elasticity answers it, from which on steps
 # are limited by fronts that are flatter by this factor, like the edges of large films.
 LARGE, OF_FILMS = 1000.0, 0.2
@@ -164,22 +164,17 @@ class Kink(Front):
         mesh, kink = equations.mesh, equations.kink
         if math.isinf(kink):
             return None
-        inside = np.flatnonzero(fields.gap < kink)
-        width, last = equations.tip.radius_at(kink), 0.0
-        if inside.size:  # few nodes may see a kink that has just appeared
-            ends = slice(inside[-1], inside[-1] + 2)
-            last = math.sqrt(float(np.interp(kink, fields.gap[ends], mesh.nodes[ends] ** 2)))
+        width, (last, crossed) = equations.tip.radius_at(kink), _to_kink(seen)
         near = CLOSE_TO_EDGE * _to_edge(equations, fields)
         if not SEEN * width * (STAYS if isinstance(present, Kink) else 1.0) < last < near:
             return None
-        if isinstance(present, Kink) or inside[-1] == mesh.size - 1:  # a mesh may end there
+        if isinstance(present, Kink) or crossed is None:
             return present if isinstance(present, Kink) else None
         weight = max(float(mesh.weights @ fields.h**2), (LIFTED * kink) ** 2 * width)
         found = Kink(last, kink, 1.0, weight, 0.0)
         place = last * math.exp(found.anchored(equations, fields))
-        slope = float(np.diff(fields.gap[ends])[0] / np.diff(mesh.nodes[ends])[0])  # a tip may end on that panel
         power = equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
-        return replace(found, place=place, width=abs(kink / slope), power=power)
+        return replace(found, place=place, width=abs(kink / crossed), power=power)
 
 
 @dataclass(frozen=True)
@@ -233,22 +228,43 @@ class Edge:
     def needed(seen: tuple[Equations, Fields], tolerance: float, front: Front | Edge | None = None) -> Edge | None:
         """The edge, if a mesh for a tolerance of the load comes close to it, and what ends there matters.
 
-        It does where a film is pressed, whose own front gets there. A mesh that ends there goes on to do so for longer.
+        It does where a film is pressed, whose own front gets there, and the law's kink must not cross that edge within a
+        panel. A mesh that ends there goes on to do so for longer.
         """
         equations, fields = seen
+        tolerance *= MISSED
         distance, present = _to_edge(equations, fields), front if isinstance(front, Edge) else None
         share, nodes = LEAVES if present else 1.0, equations.mesh.nodes
-        if not needed_reach(equations, fields, tolerance) > share * CLOSE_TO_EDGE * distance:
+        close = share * CLOSE_TO_EDGE * distance
+        kinked = math.isfinite(equations.kink) and _to_kink(seen)[0] > close
+        if not (kinked or needed_reach(equations, fields, tolerance) > close):
             return None
         last = max(int(np.searchsorted(nodes, distance)) - 1, 0)
         ends = math.pi * distance**2 * max(abs(fields.pressure[last]), abs(fields.energy_density[last]))
         layered = equations.interaction is not None and math.isfinite(equations.interaction.wave)
-        if not (fields.pressure[0] > 0.0 or layered or ends > share * tolerance):  # between layers it vanishes
+        matters = kinked or layered or ends > share * tolerance  # between layers it vanishes
+        if not (matters or fields.pressure[0] > 0.0):
             return None
         pressed = bool((fields.pressure[-1] > 0.0) & (np.abs(fields.stiffness).max() * distance > STIFF))
         if present and present.film >= pressed:
             return present
         return replace(present, film=True) if present else Edge(distance, pressed)
+
+
+def kinks(seen: tuple[Equations, Fields], followed: Sequence[Crease] = ()) -> tuple[Crease, ...]:
+    """What moves with the law's kink on a mesh that ends at the edge of a tip, without its weight."""
+    equations, fields = seen
+    if math.isinf(equations.kink):
+        return ()
+    least = SEEN * equations.tip.radius_at(equations.kink)
+    return kink_of(equations.mesh, fields.gap, equations.kink, least, followed)
+
+
+def _to_kink(seen: tuple[Equations, Fields]) -> tuple[float, float | None]:
+    """Distance of the outermost kink from the rim, and the slope of the gap there; None if a mesh ends within it."""
+    equations, fields = seen
+    found = crossing(equations.mesh, fields.gap, equations.kink)
+    return found or (float(equations.mesh.nodes[fields.gap < equations.kink].max(initial=0.0)), None)
 
 
 def _to_edge(equations: Equations, fields: Fields) -> float:

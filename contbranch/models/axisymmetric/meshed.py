@@ -22,15 +22,14 @@ from .adapt import (
     defect_error,
     factorised,
     finer_error,
-    kinked,
     needed_reach,
     panel_errors,
     roughness,
     similar,
 )
-from .creases import SHORTER, Crease, apart, creases_of, located, shortened
+from .creases import SHORTER, Crease, apart, creases_of, joined, located, shortened
 from .equations import Equations, Fields
-from .front import Edge, Front, Kink, steepest
+from .front import Edge, Front, Kink, kinks, steepest
 from .mesh import Mesh, mesh_on
 from .moving import MovingContact
 
@@ -86,7 +85,8 @@ class MeshedContact(MovingContact):
     def pieced(self) -> bool:
         """Whether the law is, or has a kink: where its pieces meet, or so small a film ends, is no edge of panels."""
         law = self.equations.interaction
-        return law is not None and (law.pieced or (math.isfinite(law.kink) and not isinstance(self.front, Kink)))
+        moved = isinstance(self.front, Kink) or any(crease.kink for crease in self.creases)
+        return law is not None and (law.pieced or (math.isfinite(law.kink) and not moved))
 
     def resolved(self, x: Array, p: float, tolerance: float, most: float = math.inf) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as some rounds, or `most` unknowns, do, and the
@@ -267,6 +267,9 @@ class MeshedContact(MovingContact):
         narrow, steps = min(self.scale, LAYER * law.wave), math.inf
         if self._stiff(fields):
             steps = 1.0 if isinstance(found, Edge) else OF_ITS_OWN
+        if isinstance(found, Edge):
+            others = [crease for crease in followed if not crease.kink]
+            followed = [*kinks((equations, fields), followed), *others]
         known = creases_of(equations.mesh, fields, narrow, unit * found.place, followed, steps)
         stay = same and {crease.key for crease in known} == {crease.key for crease in own}
         if stay and not (own and shortened(self.mesh, now.edges) < SHORTER):
@@ -292,16 +295,21 @@ class MeshedContact(MovingContact):
     def anchored(self, front: Front | Edge | None, x: Array, p: float) -> tuple[Self, Array]:
         """The problem with another front, or with none, and the state."""
         if front is not None and self._as_moved(front):
-            equations, n = self.equations, self.size
-            if front.creases is not self.creases:
-                equations, x = self.placed(x), np.append(x[: n + 1], np.zeros(len(front.creases)))
-            return replace(self, equations=equations, front=front), x
+            if front.creases is self.creases:
+                return replace(self, front=front), x
+            equations, n = self.placed(x), self.size
+            h, edges = x[:n], joined(equations.mesh.edges, front.creases)
+            if edges is not equations.mesh.edges:
+                mesh = mesh_on(edges, self.resolution.order, equations.mesh.bounded)
+                h, equations = equations.mesh.interpolate(h, mesh.nodes), equations.on(mesh)
+            start = np.append(h, [x[n], *np.zeros(len(front.creases))])
+            return replace(self, equations=equations, front=front), start
         still, h = self.still(x)
         edges, ends = still.mesh.edges, isinstance(front, Edge)
         if ends or isinstance(front, Kink) or isinstance(self.front, Edge):
             if isinstance(front, Edge):
                 edges = edges[:-1] if still.mesh.bounded else edges[edges < INSIDE * front.place]
-                edges = np.append(edges, front.place)
+                edges = joined(np.append(edges, front.place), front.creases)
             elif isinstance(front, Kink):
                 edges = front.joined(still.mesh, still.fields(h, p))
             mesh = mesh_on(edges, self.resolution.order, bounded=ends)
@@ -327,6 +335,7 @@ class MeshedContact(MovingContact):
         else:
             sharpness = self._sharpened(x, p, tolerance)
             edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit, self.within(x, p))
+            edges = joined(edges, self._creases_at(x))
         return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
 
     def _sharpened(self, x: Array, p: float, tolerance: float) -> float:
@@ -363,7 +372,7 @@ class MeshedContact(MovingContact):
 
     @property
     def moves(self) -> bool:
-        """With a front; what is made for a state on a tip's edge ends there, too, and has its law's kink on an edge."""
+        """With a front; what is made for a state on a tip's edge ends there, too, and moves with its law's kink."""
         return isinstance(self.front, Front) and not isinstance(self.front, Kink)
 
     def _as_moved(self, front: Front | Edge | None) -> bool:
@@ -382,7 +391,7 @@ class MeshedContact(MovingContact):
         """On panels halved where they do not resolve a state, or all, of the trace's own order."""
         problem, x, u = self, point.x, point.parameter
         if share == 0.0 and 2 * self.size <= FINEST:
-            return self._all_halved(point)
+            return self._all_halved()
         goal = max(share * self.relative_error(x, u), self.rounding)
         tried: list[tuple[float, Self]] = []
         for _ in range(ROUNDS):
@@ -395,15 +404,12 @@ class MeshedContact(MovingContact):
         error, best = min(tried, key=lambda one: one[0])
         if error > WORTH * self.relative_error(point.x, u) and 2 * self.size <= FINEST:
             # What is left is everywhere, as next to the many kinks of a table's derivatives: panels tell nothing of it.
-            return self._all_halved(point)
+            return self._all_halved()
         return best
 
-    def _all_halved(self, point: Point) -> Self:
+    def _all_halved(self) -> Self:
         mesh = self.mesh
         edges = np.union1d(mesh.edges, cuts(mesh.edges, mesh.bounded))
-        if mesh.bounded:
-            equations, fields = self.seen(point.x, point.parameter)
-            edges = kinked(equations, fields, edges, equations.mesh.end / mesh.end)
         return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
@@ -450,9 +456,14 @@ class MeshedContact(MovingContact):
         The gap's answer s = (2/π) arccos(a/r) to a rigid motion varies on the scale of the radius a; on panels far
         longer the radius of a fold has a relative error that further panels farther out do not cure.
         """
-        if self.moves or self.creases:
+        count = len(kinks(self.seen(point.x, point.parameter))) if isinstance(self.front, Edge) else 0
+        if self.moves or [crease.kink for crease in self.creases] != [True] * count:
             still, h = self.still(point.x)
-            if edge := Edge.needed(still.seen(h, point.parameter), tolerance):
+            equations, fields = still.seen(h, point.parameter)
+            if edge := Edge.needed((equations, fields), tolerance):
+                weight = float(equations.mesh.weights @ fields.h**2)
+                found = kinks((equations, fields))
+                edge = replace(edge, creases=tuple(crease.stretched(1.0, weight) for crease in found))
                 still, h = still.anchored(edge, h, point.parameter)
             return still.resolving(replace(point, problem=still, x=h), tolerance)
         x, u = point.x, point.parameter
