@@ -188,27 +188,28 @@ def creases_of(
     return apart(chosen[:MOST])
 
 
-def crossing(mesh: Mesh, gap: Array, value: float) -> tuple[float, float] | None:
-    """The outermost place at which a gap rises through a value, as two nodes tell it, and its slope; None without.
+def crossing(mesh: Mesh, fields: Fields, value: float) -> tuple[float, float] | None:
+    """The outermost place at which the gap rises through a value, as two nodes tell it, and its slope; None without.
 
     That is infinite where a tip ends between them.
     """
+    nodes, gap = np.append(0.0, mesh.nodes), np.append(max(0.0, -fields.y), fields.gap)
     inside = np.flatnonzero(gap < value)
-    if not inside.size or inside[-1] + 1 == mesh.size:
+    if not inside.size or inside[-1] == mesh.size:
         return None
     ends = slice(inside[-1], inside[-1] + 2)
-    place = math.sqrt(float(np.interp(value, gap[ends], mesh.nodes[ends] ** 2)))
-    return place, float(np.diff(gap[ends])[0] / np.diff(mesh.nodes[ends])[0])
+    place = math.sqrt(float(np.interp(value, gap[ends], nodes[ends] ** 2)))
+    return place, float(np.diff(gap[ends])[0] / np.diff(nodes[ends])[0])
 
 
 def kink_of(
-    mesh: Mesh, gap: Array, value: float, least: float, followed: Sequence[Crease] = ()
+    mesh: Mesh, fields: Fields, value: float, least: float, followed: Sequence[Crease] = ()
 ) -> tuple[Crease, ...]:
     """What moves with the place where the law's stiffness jumps, a gap of that value, without its weight; none without.
 
     It counts from a distance, `least`, and down to a share of that; one that is followed stays what it is.
     """
-    found, known = crossing(mesh, gap, value), [crease for crease in followed if crease.kink]
+    found, known = crossing(mesh, fields, value), [crease for crease in followed if crease.kink]
     if found is None or math.isinf(found[1]):
         return ()
     place, slope = (known[0].place, known[0].slope) if known else found
@@ -223,6 +224,7 @@ def joined(edges: Array, creases: Sequence[Crease]) -> Array:
     for place in (crease.place for crease in creases if crease.kink):
         away = np.abs(edges - place) > NEXT * place
         inner = [INNERMOST * place] if edges[1] > INNERMOST * place else []
+        away[-1] = True
         edges = np.unique(np.append(edges[away], [*inner, place]))
     return edges
 

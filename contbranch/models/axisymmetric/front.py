@@ -257,13 +257,13 @@ def kinks(seen: tuple[Equations, Fields], followed: Sequence[Crease] = ()) -> tu
     if math.isinf(equations.kink):
         return ()
     least = SEEN * equations.tip.radius_at(equations.kink)
-    return kink_of(equations.mesh, fields.gap, equations.kink, least, followed)
+    return kink_of(equations.mesh, fields, equations.kink, least, followed)
 
 
 def _to_kink(seen: tuple[Equations, Fields]) -> tuple[float, float | None]:
     """Distance of the outermost kink from the rim, and the slope of the gap there; None if a mesh ends within it."""
     equations, fields = seen
-    found = crossing(equations.mesh, fields.gap, equations.kink)
+    found = crossing(equations.mesh, fields, equations.kink)
     return found or (float(equations.mesh.nodes[fields.gap < equations.kink].max(initial=0.0)), None)
 
 

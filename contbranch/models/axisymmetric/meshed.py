@@ -467,6 +467,9 @@ class MeshedContact(MovingContact):
                 still, h = still.anchored(edge, h, point.parameter)
             return still.resolving(replace(point, problem=still, x=h), tolerance)
         x, u = point.x, point.parameter
+        if self.front is None and self.resolution.moving and (kink := Kink.needed(self.seen(x, u), None)):
+            problem, x = self.anchored(kink, x, u)
+            return problem.resolving(replace(point, problem=problem, x=x), tolerance)
         if self.relative_error(x, u) > tolerance:
             return self.remeshed(x, u, tolerance, solve=False)[0]
         mesh = self.mesh

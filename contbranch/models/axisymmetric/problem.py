@@ -189,11 +189,11 @@ class ContactProblem(MeshedContact):
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
             far = law.reach(max(negligible, np.finfo(float).tiny))
-            if kinked := far < law.kink < math.inf:  # nothing lies beyond, and all may happen next to it
+            if far < law.kink < math.inf:  # all may happen next to it
                 far = law.reach(min(negligible, NEXT_TO_NOTHING))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
             edges = start_edges(width, max(contact.axisymmetric_tip.radius_at(far), 2 * width))
-            if kinked:
+            if far < law.kink < math.inf:  # and nothing lies beyond
                 first = float(contact.axisymmetric_tip.radius_at(law.kink - far))
                 sharp = contact.axisymmetric_tip.apex_exponent < 2.0  # under which the load grows with few powers of r
                 edges = np.union1d(_graded(edges, first) if sharp else edges, first)
