@@ -314,8 +314,8 @@ def _located(place: _Place, event: Event | None) -> _Place:
     for _ in range(ITERATIONS):
         whole = -value / steepness if steepness else ASIDE * line.unit
         step = math.copysign(min(abs(whole), line.longest(point, whole)), whole)
-        if stalls and not math.isnan(beyond):
-            step = (beyond - s) / 2
+        if stalls or not 0.0 <= step * (beyond - s) <= (beyond - s) ** 2:
+            step = step if math.isnan(beyond) else (beyond - s) / 2
         if abs(step) <= least:
             break
         step, new_point = line.towards(s, step, point)

@@ -228,8 +228,8 @@ class Edge:
     def needed(seen: tuple[Equations, Fields], tolerance: float, front: Front | Edge | None = None) -> Edge | None:
         """The edge, if a mesh for a tolerance of the load comes close to it, and what ends there matters.
 
-        It does where a film is pressed, whose own front gets there, and the law's kink must not cross that edge within a
-        panel. A mesh that ends there goes on to do so for longer.
+        It does where a film is pressed, whose own front gets there, and the law's kink must not cross that edge within
+        a panel. A mesh that ends there goes on to do so for longer.
         """
         equations, fields = seen
         tolerance *= MISSED
