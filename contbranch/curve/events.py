@@ -78,8 +78,10 @@ class FoldEvent(Event):
         return self.control.kind
 
     def value(self, point: Point) -> float:
-        """The rate of what is controlled along the unit tangent."""
-        return self.control.weighted(*rates(point))
+        """The rate of what is controlled as a share of that of all observables."""
+        found = rates_of(point)
+        size = math.hypot(*found)
+        return self.control.weighted(*found[:2]) / size if size else 0.0
 
 
 @dataclass(frozen=True)
