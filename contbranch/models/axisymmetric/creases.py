@@ -43,7 +43,7 @@ MOST, NEWTON = 6, 3
 # mesh, which may end there, must not end within it.
 KINK, NEXT, INNERMOST, STAYS = -1, 1e-3, 0.5, 0.3
 # It moves undeformed with what is at least this share of its distance around it, up to the mesh's end.
-LAST = 1e-5
+LAST = 1e-4
 
 
 class AstrayError(ModelError, UnresolvedError):
@@ -216,7 +216,8 @@ def kink_of(
         return ()
     place, slope = (known[0].place, known[0].slope) if known else found
     room = SHARE * min(place - min(mesh.innermost, INNERMOST * place), mesh.end - place)
-    if not (place > least * (STAYS if known else 1.0) and room > LAST * place):
+    share = STAYS if known else 1.0
+    if not (place > share * least and room > share * LAST * place):
         return ()
     return (Crease(place, room, 0, value, slope, 0.0, KINK),)
 
