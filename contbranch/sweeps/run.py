@@ -170,6 +170,8 @@ class Run:
         limit = self.task.time_limit
         if begun is not None and limit is not None and time.time() - begun >= patience(limit):
             self._fail(key, f"It did not end: its worker was stopped after the time limit of {limit:g} s.", begun)
+        elif alone and not isinstance(error, BrokenExecutor | None):  # it, or its outcome, cannot be sent or written
+            self._fail(key, f"{type(error).__name__}: {' '.join(str(error).split())}", begun)
         elif alone and (begun is not None or self.executor is not None):
             told = " ".join(str(error or "").split()) or "no reason is known"
             self._fail(key, f"Its worker died while it was computed alone ({told}).", begun)

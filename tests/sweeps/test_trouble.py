@@ -240,3 +240,18 @@ def test_a_sweep_is_saved_as_a_copy_and_known_where_its_end_is_missing(tmp_path)
     for index in (2, "a"):
         with pytest.raises(cb.InputError, match=r"index: .*must be one of the numbers of 2 tasks"):
             found.diagram(index)
+
+
+def test_what_cannot_be_sent_to_a_worker_has_failed(tmp_path: Path) -> None:
+    class Local(Number):
+        """Of a class that no worker can import."""
+
+    found = cb.sweep([Local(1), Number(2)], tmp_path / "s.h5", task=Squares(tmp_path / "notes"), workers=1)
+    assert [(task.index, "pickle" in task.message) for task in found.failed] == [(0, True)]
+    assert found.tasks[1].status == "complete"
+
+
+def test_a_journal_that_is_no_folder_is_said(tmp_path: Path) -> None:
+    (tmp_path / "s.h5.journal").write_text("")
+    with pytest.raises(cb.InputError, match=r"journal' cannot be written \(File exists\)"):
+        cb.sweep([Number(1)], tmp_path / "s.h5", resume=True, task=Squares(tmp_path / "notes"))
