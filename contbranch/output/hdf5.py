@@ -84,6 +84,7 @@ _PARTS: Values = {
         *(Profile, CellFields, Correlations, FitJump, LawFit, Candidate),
     )
 }
+_ARRAYS: Values = {"Array": float, "Integers": np.int64}
 _PLAIN: Values = {"bool": bool, "int": int, "float": float, "str": str}
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
 _BLOCK = 512
@@ -185,6 +186,8 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | Pha
                 text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified"
                 warned(f"{text}; save it again")
             found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file), file.get("tip"))
+        if not verified:
+            _use(found)
     except InputError:
         raise
     except Exception as error:  # of a file without checksum: HDF5 and what reads it may stumble over anything
@@ -207,6 +210,16 @@ def _try_out(image: bytes) -> None:
         raise OSError("HDF5 comes to no end with it") from None
     if child.returncode not in (0, 1):  # 1: an error that is raised here as well
         raise OSError("HDF5 crashes on it")
+
+
+def _use(found: Result) -> None:
+    """Raise what a result of which parts may be missing, or of another kind, raises when it is used."""
+    from contbranch.output.page import page
+    from contbranch.output.plot import draw
+
+    for use in (str, content, lambda one: one.table().csv(), draw, page):
+        with suppress(InputError, ModelError, NotImplementedError):
+            use(found)
 
 
 def _verified(path: Path) -> tuple[bytes, bool]:
@@ -390,8 +403,8 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
             )
         elif (plain := re.match(r"tuple\[(bool|int|float|str)\b", said)) and value is not None:
             value = tuple(_PLAIN[plain[1]](one) for one in value)
-        elif said == "Integers" and value is not None:
-            value = value.astype(np.int64)
+        elif (one := _ARRAYS.get(said.removesuffix(" | None"))) is not None and value is not None:
+            value = np.asarray(value, one)
         if name in content or "None" in said:
             found[item.name] = value
         elif item.default is MISSING and item.default_factory is MISSING:
