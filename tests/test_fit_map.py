@@ -90,3 +90,10 @@ def test_many_curves_are_never_taken_for_one(folder, capsys, tmp_path):
         {"row": 0.0, "column": 0.0},
         {"row": 1.0, "column": 0.0},
     ]
+
+
+def test_digits_that_are_no_numbers_are_refused(folder, capsys):
+    given = [str(folder / "curves"), str(folder / "contact.toml"), "-o", str(folder / "digits.h5")]
+    for option, value in (("--shape", "²x2"), ("--workers", "²")):
+        assert main(["fit", *given, option, value]) == 2
+        assert capsys.readouterr().err.startswith(f"contbranch: {option}: '{value}'; ")

@@ -134,10 +134,12 @@ def _trace(asked: Values) -> Any:
     from dataclasses import replace
 
     from contbranch.cli.request import parse_uncertainties
+    from contbranch.watch import finishing
 
     given = parse_uncertainties(asked.uncertainty, request)
     diagram = _computed("trace", request, max_load=limit)
-    return replace(diagram, uncertainties=diagram.propagate(given))
+    with finishing():
+        return replace(diagram, uncertainties=diagram.propagate(given))
 
 
 def _solve(asked: Values) -> Any:

@@ -351,7 +351,7 @@ def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record
 
 
 def _read_diagram(file: h5py.File) -> Diagram:
-    content = {key: _read_object(file[key]) for key in file.keys() - _APART}
+    content = {key: _read(file[key]) for key in file.keys() - _APART}
     content |= {key: _python(value) for key, value in file.attrs.items()} | {"events": ()}
     texts = {key: json.loads(file[key].asstr()[()]) for key in ("contact", "unit_names")}
     found = _made(Diagram, {**content, **texts, "description": texts["contact"]}, file.get("tip"))
@@ -360,9 +360,13 @@ def _read_diagram(file: h5py.File) -> Diagram:
     return replace(found, events=events, local_exponents=exponents)
 
 
+def _read(item: h5py.Group | h5py.Dataset) -> Any:
+    return _read_object(item) if hasattr(item, "keys") else _read_array(item)
+
+
 def _read_object(group: h5py.Group) -> Any:
     """What `_write` wrote."""
-    found = {key: _read_object(item) if hasattr(item, "keys") else _read_array(item) for key, item in group.items()}
+    found = {key: _read(item) for key, item in group.items()}
     if found and all(key.isdigit() for key in found) and not group.attrs:
         return [found[str(number)] for number in range(len(found))]
     return found | {key: _python(value) for key, value in group.attrs.items()}
