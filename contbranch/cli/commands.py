@@ -288,7 +288,9 @@ def _view(asked: Values) -> Result:
         from contbranch.api import trace
         from contbranch.control import Spring
 
-        curve = trace(result.contact, result.control if result.stiffness is None else Spring(result.stiffness))
+        control = result.control if result.stiffness is None else Spring(result.stiffness)
+        whole = result.status == "complete"  # of which no state is beyond the curve
+        curve = trace(result.contact, control, max_load=float(result.path.load.max()) if whole else None)
     write(asked.page, page(result, curve).encode())
     return result
 
