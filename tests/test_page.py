@@ -240,6 +240,8 @@ def test_the_command_writes_pages_of_traces_and_loops(tmp_path: Path, capsys: py
     assert array(rows["load"]).max() == array(loop["load"]).max() == 70.0  # each state of the loop is on the curve
     assert main(["view", str(tmp_path / "loop.h5"), "-o", str(tmp_path / "loop.pdf")]) == 2
     assert "for example -o page.html" in capsys.readouterr().err
+    assert main(["view", str(tmp_path / "loop.h5"), "-o", str(tmp_path / "nowhere" / "loop.html")]) == 2
+    assert capsys.readouterr().err.startswith("contbranch: -o: ")
 
 
 def test_notebooks_hold_the_page_of_a_diagram() -> None:

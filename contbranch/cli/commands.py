@@ -275,7 +275,6 @@ def _advise(asked: Values) -> Any:
 
 def _view(asked: Values) -> Result:
     """Write a page on which a saved diagram, loop or sweep is explored: one file, no network."""
-    from contbranch.output.files import write
     from contbranch.output.hdf5 import load
     from contbranch.output.page import page
     from contbranch.results.loop import Hysteresis
@@ -291,7 +290,8 @@ def _view(asked: Values) -> Result:
         control = result.control if result.stiffness is None else Spring(result.stiffness)
         whole = result.status == "complete"  # of which no state is beyond the curve
         curve = trace(result.contact, control, max_load=float(result.path.load.max()) if whole else None)
-    write(asked.page, page(result, curve).encode())
+    with reserved(asked.page, "-o") as place:
+        place.write(page(result, curve).encode())
     return result
 
 
