@@ -25,7 +25,7 @@ from contbranch.contact.height_map import HeightMap
 from contbranch.contact.text import as_path
 from contbranch.errors import InputError, ModelError, warned
 from contbranch.output import files
-from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
+from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt, refuse_later
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import (
     PATIENCE as LONGEST,
@@ -49,7 +49,6 @@ from contbranch.results.phase import Part, PhaseDiagram
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import (
     HEAD,
-    VERSION,
     Record,
     Result,
     UnitNames,
@@ -248,11 +247,7 @@ def _kind_of(file: h5py.File, path: Path) -> Any:
         raise InputError(f"path: '{path}' is damaged (its end is not what was written); run the sweep again")
     if found not in kinds:
         raise InputError(f"path: '{path}' holds {found or 'something else'}; must hold one of {', '.join(kinds)}")
-    version = int(file.attrs["version"])
-    if version > VERSION:
-        raise InputError(
-            f"path: '{path}' has version {version} of {found}; must be at most {VERSION}: use a later contbranch"
-        )
+    refuse_later(file, path)
     return kinds[found]
 
 

@@ -116,6 +116,8 @@ def _swept(design: Design, path: Path, task: Task, executor: Executor | None, se
             words = "differ by nothing that their descriptions hold; laws and tips of your own need fields that differ"
             raise InputError(f"contacts: numbers {first} and {index} {words}")
     earlier = load_sweep(path) if path.exists() else None
+    if earlier is not None and earlier.format != getattr(task, "kind", Sweep).format:
+        raise InputError(f"path: '{path}' holds {earlier.format}; choose another file")
     folder = path.with_name(path.name + ".journal")
     retry = settings.get("retry", False)
     if earlier is not None and not folder.exists() and not retry and [one.key for one in earlier.tasks] == keys:

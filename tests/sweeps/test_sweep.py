@@ -16,6 +16,7 @@ from sweep_tasks import Number, Squares
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.control import DISPLACEMENT
+from contbranch.output import sweep_file
 from contbranch.sweeps.design import read_sweep
 from contbranch.sweeps.tasks import Tracing, key_of
 
@@ -230,3 +231,21 @@ def test_springs_that_print_alike_have_results_of_their_own() -> None:
     contact = cb.Contact.reduced("gauss")
     one, other = (key_of(contact, Tracing(cb.Spring(stiffness))) for stiffness in (0.12345671, 0.12345672))
     assert one != other
+
+
+def test_a_sweep_goes_on_with_no_map_and_with_no_later_version(tmp_path: Path) -> None:
+    class Mapping(Squares):
+        kind = cb.FitMap
+
+    contacts, path = numbers(2), tmp_path / "s.h5"
+    with ThreadPoolExecutor(1) as executor:
+        cb.sweep(contacts, path, executor, task=Mapping(tmp_path / "notes"))
+        with pytest.raises(cb.InputError, match="holds contbranch-fit-map; choose another file"):
+            cb.sweep(contacts, path, executor, resume=True, task=Squares(tmp_path / "notes"))
+    path.write_bytes(path.read_bytes()[:-512])
+    with h5py.File(path, "a") as file:
+        file.attrs["version"] = 2
+    label = sweep_file._label(path, path.stat().st_size)
+    path.write_bytes(path.read_bytes() + label)
+    with pytest.raises(cb.InputError, match="has version 2 of contbranch-fit-map; must be at most 1"):
+        cb.load(path)
