@@ -90,3 +90,20 @@ def test_many_curves_are_never_taken_for_one(folder, capsys, tmp_path):
         {"row": 0.0, "column": 0.0},
         {"row": 1.0, "column": 0.0},
     ]
+
+
+def test_digits_that_are_no_numbers_are_refused(folder, capsys):
+    given = [str(folder / "curves"), str(folder / "contact.toml"), "-o", str(folder / "digits.h5")]
+    for option, value in (("--shape", "²x2"), ("--workers", "²")):
+        assert main(["fit", *given, option, value]) == 2
+        assert capsys.readouterr().err.startswith(f"contbranch: {option}: '{value}'; ")
+
+
+def test_a_map_of_which_nothing_was_fitted_is_drawn_as_words(folder, capsys):
+    contact, _ = read_contact(folder / "contact.toml")
+    flat = cb.ForceCurve(piezo=[*range(20), *range(20, 0, -1)], force=[0.0] * 40)
+    with ThreadPoolExecutor(1) as executor:
+        found = cb.fit_map([flat], contact, folder / "flat.h5", executor=executor)
+    assert len(found.failed) == 1
+    (words,) = (text.get_text() for text in found.plot().texts)
+    assert words == "No curve determines a value."

@@ -218,8 +218,28 @@ def test_a_limit_saves_and_prints_what_there_is(tmp_path: Path, capsys: pytest.C
     for command in (["loop"], ["solve", "--load", "1"], ["solve", "--load", "1", "--all"]):
         assert main([*command, *given]) == 1
         assert json.loads(capsys.readouterr().out)["status"] == "incomplete"
+    empty = ["solve", "--interaction", "exponential", "--tabor", "4", "--load", "1", "-o", str(tmp_path / "empty.h5")]
+    assert main([*empty, "--time-limit", "1e-6"]) == 1
+    assert len(cb.load(tmp_path / "empty.h5").branches) == 0
+    capsys.readouterr()
     assert main(["follow", "--event", "pull-off", "--vary", "tabor=3:5", *given]) == 1
     assert json.loads(capsys.readouterr().out)["format"] == "contbranch-diagram"  # the event was not found in time
+
+
+def test_uncertainties_of_a_curve_that_is_there_are_there(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The time is over when the curve has been followed."""
+    propagate = cb.Diagram.propagate
+
+    def late(diagram: cb.Diagram, given: dict[str, Any]) -> dict[str, float]:
+        watch._present.get().reason = "The time is over."
+        return propagate(diagram, given)
+
+    monkeypatch.setattr(cb.Diagram, "propagate", late)
+    asked = ["trace", "--interaction", "exponential", "--tabor", "1", "--accuracy", "1e-3", "--json", "-"]
+    assert main([*asked, "--uncertainty", "range=0.1"]) == 0
+    assert json.loads(capsys.readouterr().out)["uncertainties"]["pull_off_load"] > 0.0
 
 
 @pytest.mark.parametrize(

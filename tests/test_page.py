@@ -230,15 +230,18 @@ def test_a_loop_without_a_curve_has_its_states_and_its_jumps() -> None:
 
 def test_the_command_writes_pages_of_traces_and_loops(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0)
-    cb.hysteresis(contact, control="displacement").save(tmp_path / "loop.h5")
+    cb.hysteresis(contact, control="displacement", max_load=70.0).save(tmp_path / "loop.h5")
     assert main(["view", str(tmp_path / "loop.h5"), "-o", str(tmp_path / "loop.html")]) == 0
     data, array = unpacked((tmp_path / "loop.html").read_text(encoding="utf-8"))
     loop = data["items"][0]["loop"]
     assert [jump["name"] for jump in loop["jumps"]] == ["jump-in", "pull-off"]
     assert array(loop["load"]).min() == pytest.approx(cb.trace(contact).thresholds["pull_off_load"], rel=1e-3)
-    assert data["items"][0]["branches"]
+    rows = data["items"][0]["branches"][0]["rows"]
+    assert array(rows["load"]).max() == array(loop["load"]).max() == 70.0  # each state of the loop is on the curve
     assert main(["view", str(tmp_path / "loop.h5"), "-o", str(tmp_path / "loop.pdf")]) == 2
     assert "for example -o page.html" in capsys.readouterr().err
+    assert main(["view", str(tmp_path / "loop.h5"), "-o", str(tmp_path / "nowhere" / "loop.html")]) == 2
+    assert capsys.readouterr().err.startswith("contbranch: -o: ")
 
 
 def test_notebooks_hold_the_page_of_a_diagram() -> None:

@@ -326,6 +326,20 @@ def test_nothing_is_read_of_a_damaged_file(repulsion: Diagram, tmp_path: Path, d
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("damage", [shortened, retyped])
+@pytest.mark.parametrize("name", ["branches/0/contact_radius", "branches/0/load_error", "branches/0/unstable_load"])
+def test_a_file_without_checksum_of_which_nothing_can_be_made_is_refused(
+    repulsion: Diagram, tmp_path: Path, damage, name: str
+) -> None:
+    path = tmp_path / "x.h5"
+    save(repulsion, path)
+    path.write_bytes(path.read_bytes()[512:])
+    with h5py.File(path, "a") as file:
+        damage(file, name)
+    with pytest.warns(UserWarning, match="cannot be verified"), pytest.raises(InputError, match="is damaged"):
+        load(path)
+
+
 def test_a_loop_is_written_as_its_document(tmp_path: Path) -> None:
     values, whole = np.array([1.0, np.nan, 3.0]), np.zeros(3, dtype=int)
     jump = Jump("pull-off", 1.0, State(-5.0, *4 * (0.0,), 0, 0, 0.0), None, None, None)

@@ -134,10 +134,12 @@ def _trace(asked: Values) -> Any:
     from dataclasses import replace
 
     from contbranch.cli.request import parse_uncertainties
+    from contbranch.watch import finishing
 
     given = parse_uncertainties(asked.uncertainty, request)
     diagram = _computed("trace", request, max_load=limit)
-    return replace(diagram, uncertainties=diagram.propagate(given))
+    with finishing():
+        return replace(diagram, uncertainties=diagram.propagate(given))
 
 
 def _solve(asked: Values) -> Any:
@@ -273,7 +275,6 @@ def _advise(asked: Values) -> Any:
 
 def _view(asked: Values) -> Result:
     """Write a page on which a saved diagram, loop or sweep is explored: one file, no network."""
-    from contbranch.output.files import write
     from contbranch.output.hdf5 import load
     from contbranch.output.page import page
     from contbranch.results.loop import Hysteresis
@@ -286,8 +287,11 @@ def _view(asked: Values) -> Result:
         from contbranch.api import trace
         from contbranch.control import Spring
 
-        curve = trace(result.contact, result.control if result.stiffness is None else Spring(result.stiffness))
-    write(asked.page, page(result, curve).encode())
+        control = result.control if result.stiffness is None else Spring(result.stiffness)
+        whole = result.status == "complete"  # of which no state is beyond the curve
+        curve = trace(result.contact, control, max_load=float(result.path.load.max()) if whole else None)
+    with reserved(asked.page, "-o") as place:
+        place.write(page(result, curve).encode())
     return result
 
 

@@ -114,7 +114,7 @@ def seconds(text: str) -> float:
 
 def whole_number(text: str, option: str) -> int:
     """Return the value of an option that counts something."""
-    if not text.isdigit() or int(text) < 1:
+    if not text.isdecimal() or int(text) < 1:
         raise InputError(f"{option}: {text!r}; must be a whole number, 1 or greater")
     return int(text)
 

@@ -139,7 +139,7 @@ def sized(shape: Any) -> tuple[int, int]:
     """Rows and columns of a map, (8, 8) or "8x8"."""
     parts = shape.split("x") if isinstance(shape, str) else shape
     match parts:
-        case [rows, columns] if str(rows).isdigit() and str(columns).isdigit() and int(rows) * int(columns):
+        case [rows, columns] if str(rows).isdecimal() and str(columns).isdecimal() and int(rows) * int(columns):
             return int(rows), int(columns)
     raise InputError(f"shape: {shape!r}; write ROWSxCOLUMNS, for example 8x8")
 

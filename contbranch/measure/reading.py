@@ -96,7 +96,9 @@ def curves_in(path: str | Path, spring: Quantity = None) -> Iterator[ForceCurve 
             raise InputError(
                 f"curve: no file in '{path}' is one of force curves ({', '.join((*_TEXTS, *_INSTRUMENTS))})"
             )
-        for file in sorted(files, key=lambda one: [int(k) if k.isdigit() else k for k in re.split(r"(\d+)", one.name)]):
+        for file in sorted(
+            files, key=lambda one: [int(k) if k.isdecimal() else k for k in re.split(r"(\d+)", one.name)]
+        ):
             yield from _in_file(file, spring, _named(file.stem))
     elif path.is_file():
         yield from _in_file(path, spring, {})

@@ -25,7 +25,7 @@ from contbranch.contact.height_map import HeightMap
 from contbranch.contact.text import as_path
 from contbranch.errors import InputError, ModelError, warned
 from contbranch.output import files
-from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt
+from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt, refuse_later
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import (
     PATIENCE as LONGEST,
@@ -49,7 +49,6 @@ from contbranch.results.phase import Part, PhaseDiagram
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import (
     HEAD,
-    VERSION,
     Record,
     Result,
     UnitNames,
@@ -84,6 +83,7 @@ _PARTS: Values = {
         *(Profile, CellFields, Correlations, FitJump, LawFit, Candidate),
     )
 }
+_ARRAYS: Values = {"Array": float, "Integers": np.int64}
 _PLAIN: Values = {"bool": bool, "int": int, "float": float, "str": str}
 # The block before what HDF5 reads: the least size that it allows, and what is written there.
 _BLOCK = 512
@@ -185,6 +185,8 @@ def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | Pha
                 text = f"'{path}' has no checksum, as older versions wrote it: what it holds cannot be verified"
                 warned(f"{text}; save it again")
             found = _read_diagram(file) if kind is Diagram else _made(kind, _read_object(file), file.get("tip"))
+        if not verified:
+            _use(found)
     except InputError:
         raise
     except Exception as error:  # of a file without checksum: HDF5 and what reads it may stumble over anything
@@ -207,6 +209,16 @@ def _try_out(image: bytes) -> None:
         raise OSError("HDF5 comes to no end with it") from None
     if child.returncode not in (0, 1):  # 1: an error that is raised here as well
         raise OSError("HDF5 crashes on it")
+
+
+def _use(found: Result) -> None:
+    """Raise what a result of which parts may be missing, or of another kind, raises when it is used."""
+    from contbranch.output.page import page
+    from contbranch.output.plot import draw
+
+    for use in (str, content, lambda one: one.table().csv(), draw, page):
+        with suppress(InputError, ModelError, NotImplementedError):
+            use(found)
 
 
 def _verified(path: Path) -> tuple[bytes, bool]:
@@ -235,11 +247,7 @@ def _kind_of(file: h5py.File, path: Path) -> Any:
         raise InputError(f"path: '{path}' is damaged (its end is not what was written); run the sweep again")
     if found not in kinds:
         raise InputError(f"path: '{path}' holds {found or 'something else'}; must hold one of {', '.join(kinds)}")
-    version = int(file.attrs["version"])
-    if version > VERSION:
-        raise InputError(
-            f"path: '{path}' has version {version} of {found}; must be at most {VERSION}: use a later contbranch"
-        )
+    refuse_later(file, path)
     return kinds[found]
 
 
@@ -338,7 +346,7 @@ def _write_table(group: h5py.Group, kind: type[Record], records: Sequence[Record
 
 
 def _read_diagram(file: h5py.File) -> Diagram:
-    content = {key: _read_object(file[key]) for key in file.keys() - _APART}
+    content = {key: _read(file[key]) for key in file.keys() - _APART}
     content |= {key: _python(value) for key, value in file.attrs.items()} | {"events": ()}
     texts = {key: json.loads(file[key].asstr()[()]) for key in ("contact", "unit_names")}
     found = _made(Diagram, {**content, **texts, "description": texts["contact"]}, file.get("tip"))
@@ -347,9 +355,13 @@ def _read_diagram(file: h5py.File) -> Diagram:
     return replace(found, events=events, local_exponents=exponents)
 
 
+def _read(item: h5py.Group | h5py.Dataset) -> Any:
+    return _read_object(item) if hasattr(item, "keys") else _read_array(item)
+
+
 def _read_object(group: h5py.Group) -> Any:
     """What `_write` wrote."""
-    found = {key: _read_object(item) if hasattr(item, "keys") else _read_array(item) for key, item in group.items()}
+    found = {key: _read(item) for key, item in group.items()}
     if found and all(key.isdigit() for key in found) and not group.attrs:
         return [found[str(number)] for number in range(len(found))]
     return found | {key: _python(value) for key, value in group.attrs.items()}
@@ -390,8 +402,8 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
             )
         elif (plain := re.match(r"tuple\[(bool|int|float|str)\b", said)) and value is not None:
             value = tuple(_PLAIN[plain[1]](one) for one in value)
-        elif said == "Integers" and value is not None:
-            value = value.astype(np.int64)
+        elif (one := _ARRAYS.get(said.removesuffix(" | None"))) is not None and value is not None:
+            value = np.asarray(value, one)
         if name in content or "None" in said:
             found[item.name] = value
         elif item.default is MISSING and item.default_factory is MISSING:

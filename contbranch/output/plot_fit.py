@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-from contbranch.output.plot_view import BLUE, GREY, ORANGE, cell_edges, handle, heat_map, new_figure
+from contbranch.output.plot_view import BLUE, GREY, ORANGE, cell_edges, handle, heat_map, new_figure, said
 from contbranch.results.fit import Fit
 from contbranch.results.fit_map import FitMap
 from contbranch.results.table import with_unit
@@ -45,14 +45,16 @@ def fit_figure(fit: Fit) -> Figure:
             handles += [handle("jump measured", color="black", marker="x", linestyle="none")]
             handles += [handle("fitted", color="black", marker="+", linestyle="none")]
         look = {"ncols": 4, "columnspacing": 1.0, "handlelength": 1.4, "title_fontsize": rcParams["legend.fontsize"]}
-        said = "" if fit.status == "complete" else "did not converge"
-        figure.legend(handles=handles, loc="outside upper center", title=said, **look)
+        title = "" if fit.status == "complete" else "did not converge"
+        figure.legend(handles=handles, loc="outside upper center", title=title, **look)
     return figure
 
 
 def map_figure(fits: FitMap, names: Sequence[str]) -> Figure:
     """Draw values over the places of a map, side by side; a cross where there is none."""
-    with new_figure(2.6, max(1, len(names))) as figure:
+    if not names:
+        return said(fits.message or "No curve determines a value.")
+    with new_figure(2.6, len(names)) as figure:
         for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
             x, y, values = fits.picture(name)
             widths = [float(np.diff(places).min()) for places in (x, y) if places.size > 1] or [1.0]

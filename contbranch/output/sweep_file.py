@@ -184,7 +184,17 @@ def load_sweep(path: str | Path) -> Sweep:
         raise InputError(f"path: '{path}' cannot be read ({error.strerror or error})") from None
 
 
+def refuse_later(file: h5py.File, path: Path) -> None:
+    """Raise InputError for a file of a later version."""
+    version, kind = int(file.attrs["version"]), file.attrs["format"]
+    if version > VERSION:
+        raise InputError(
+            f"path: '{path}' has version {version} of {kind}; must be at most {VERSION}: use a later contbranch"
+        )
+
+
 def _sweep(file: h5py.File, path: Path) -> Sweep:
+    refuse_later(file, path)
     mode: Any = file.attrs["mode"]
     axes = {name: tuple(file[name][()].tolist()) for name in json.loads(file.attrs["parameters"])}
     data = {name: file[name] for name in file.keys() - {*axes, "task", "description", "unit_names", _GROUP}}

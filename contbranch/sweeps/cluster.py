@@ -3,10 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
+from typing import Any
 
 from contbranch.errors import InputError
+
+
+class Connected(Executor):
+    """The executor of a Dask client; what is handed to one that has lost its scheduler would be waited for for ever."""
+
+    def __init__(self, client: Any) -> None:
+        self._client, self._executor = client, client.get_executor(pure=False)
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Hand a call to the cluster.
+
+        Raises
+        ------
+        RuntimeError
+            If the scheduler is lost.
+        """
+        if self._client.status != "running":
+            raise RuntimeError("the scheduler is lost")
+        future: Future[Any] = self._executor.submit(fn, *args, **kwargs)
+        return future
 
 
 @contextmanager
@@ -28,4 +49,4 @@ def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:
         told = " ".join(str(error).split())
         raise InputError(f"--scheduler: {address!r} ({told}); give the address of a running scheduler") from None
     with client:
-        yield client.get_executor(pure=False), max(1, sum(client.ncores().values()))
+        yield Connected(client), max(1, sum(client.ncores().values()))

@@ -87,6 +87,8 @@ def listed(contacts: Sequence[Any]) -> Listed:
     for number, contact in enumerate(contacts):
         if not hasattr(contact, "describe"):
             raise InputError(f"contacts: number {number} is {type(contact).__name__}; must be a Contact")
+        if getattr(contact, "units", None) != getattr(contacts[0], "units", None):
+            raise InputError(f"contacts: number {number} has other units than number 0; let all be in the same")
     rows = [dict(_numbers(contact.describe())) for contact in contacts]
     names = dict.fromkeys(name for row in rows for name in row)
     axes = {name: tuple(row.get(name, math.nan) for row in rows) for name in names}
@@ -144,6 +146,10 @@ def varied(contact: Contact, vary: Mapping[str, Sequence[Any]], mode: str = "gri
                 field, _, told = str(error).partition(": ")
                 raise InputError(f"vary: {told}" if field == "vary" else f"vary: {name}: {told}") from None
         axes[name] = tuple(read)
+    places = {name.removeprefix("material.").replace("interaction.", "interaction[0]."): name for name in axes}
+    if len(places) < len(axes):
+        twice = next(name for name in axes if name not in places.values())
+        raise InputError(f"vary: {twice} is there twice, under two names; leave one out")
     counts = {name: len(values) for name, values in axes.items()}
     if mode == "zip" and len(set(counts.values())) > 1:
         told = ", ".join(f"{name} {count}" for name, count in counts.items())

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from contbranch.errors import warned
 from contbranch.sweeps.journal import Journal, encoded
 from contbranch.sweeps.tasks import Task
 from contbranch.sweeps.worker import Batch, Job, here, patience, prepare, work
@@ -120,7 +121,7 @@ class Run:
         try:
             future = self._pool().submit(work, batch)
         except RuntimeError as error:  # broken or shut down since
-            future = Future()
+            future, alone = Future(), False
             future.set_exception(BrokenExecutor(str(error)))
         self._flying[future] = batch, alone
 
@@ -140,7 +141,9 @@ class Run:
         self._fruitless = self._fruitless + 1 if fruitless else 0
         if self._fruitless == _FRUITLESS:
             self.failure = "Workers die before they begin: a script needs if __name__ == '__main__' around its sweep."
-        self.executor = None
+        if self.executor is not None:
+            self.executor, self.workers = None, min(self.workers, os.cpu_count() or 1)
+            warned("executor: it has broken; the sweep goes on with processes of this machine")
         self._close()
 
     def _close(self) -> None:
@@ -167,9 +170,11 @@ class Run:
 
     def _judge(self, key: str, begun: float | None, alone: bool, error: BaseException | None) -> None:
         """What becomes of a job that a batch has left without a record."""
-        limit = self.task.time_limit
+        limit, alone = self.task.time_limit, alone and not isinstance(error, CancelledError)
         if begun is not None and limit is not None and time.time() - begun >= patience(limit):
             self._fail(key, f"It did not end: its worker was stopped after the time limit of {limit:g} s.", begun)
+        elif alone and not isinstance(error, BrokenExecutor | None):  # it, or its outcome, cannot be sent or written
+            self._fail(key, f"{type(error).__name__}: {' '.join(str(error).split())}", begun)
         elif alone and (begun is not None or self.executor is not None):
             told = " ".join(str(error or "").split()) or "no reason is known"
             self._fail(key, f"Its worker died while it was computed alone ({told}).", begun)

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -111,36 +111,40 @@ def _swept(design: Design, path: Path, task: Task, executor: Executor | None, se
     keys = [key_of(contact, task) for contact in design]
     places: dict[str, int] = {}
     for index, key in enumerate(keys):
-        places.setdefault(key, index)
+        first = places.setdefault(key, index)
+        if first != index and isinstance(design[index], Contact) and design[index] != design[first]:
+            words = "differ by nothing that their descriptions hold; laws and tips of your own need fields that differ"
+            raise InputError(f"contacts: numbers {first} and {index} {words}")
     earlier = load_sweep(path) if path.exists() else None
+    if earlier is not None and earlier.format != getattr(task, "kind", Sweep).format:
+        raise InputError(f"path: '{path}' holds {earlier.format}; choose another file")
     folder = path.with_name(path.name + ".journal")
     retry = settings.get("retry", False)
     if earlier is not None and not folder.exists() and not retry and [one.key for one in earlier.tasks] == keys:
         return replace(earlier, computed=0, reused=len(keys), path=path)
-    journal = Journal(folder)
     try:
-        if earlier is not None:
-            _add(earlier, [one for one in earlier.tasks if one.key in places and one.key not in journal.ended], journal)
-        if retry:
-            for key in [key for key, entry in journal.ended.items() if entry.about["status"] == "failed"]:
-                journal.forget(key)
-        missing = [key for key in places if key not in journal.ended]
-        workers = settings.get("workers") or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
-        run = Run(task, lambda key: design[places[key]], journal, executor, workers, len(places))
-        kept(lambda: run(missing), None)
-        computed = sum(key in journal.ended for key in missing)
-        result = _result(design, task, keys, journal, path)
-        result = replace(result, computed=computed, reused=len(result.tasks) - computed)
-        result = replace(result, cost=Cost(time.perf_counter() - began, 0), message=told(run.failure or result.message))
-        if result.status == "complete":
-            write_sweep(result, lambda: (decoded(journal.record(key)) for key in keys), folder / "complete.h5")
-            os.replace(folder / "complete.h5", path)
-        journal.close(remove=result.status == "complete")
-        return result
+        with closing(Journal(folder)) as journal:
+            if earlier is not None:
+                known = [one for one in earlier.tasks if one.key in places and one.key not in journal.ended]
+                _add(earlier, known, journal)
+            if retry:
+                for key in [key for key, entry in journal.ended.items() if entry.about["status"] == "failed"]:
+                    journal.forget(key)
+            missing = [key for key in places if key not in journal.ended]
+            workers = settings.get("workers") or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+            run = Run(task, lambda key: design[places[key]], journal, executor, workers, len(places))
+            kept(lambda: run(missing), None)
+            computed = sum(key in journal.ended for key in missing)
+            result = _result(design, task, keys, journal, path)
+            cost, message = Cost(time.perf_counter() - began, 0), told(run.failure or result.message)
+            result = replace(result, computed=computed, reused=len(result.tasks) - computed, cost=cost, message=message)
+            if result.status == "complete":
+                write_sweep(result, lambda: (decoded(journal.record(key)) for key in keys), folder / "complete.h5")
+                os.replace(folder / "complete.h5", path)
+            journal.close(remove=result.status == "complete")
+            return result
     except OSError as error:
         raise InputError(f"path: '{folder}' cannot be written ({error.strerror}); resume when it can") from None
-    finally:
-        journal.close()
 
 
 def _add(earlier: Sweep, tasks: Sequence[SweepTask], journal: Journal) -> None:

@@ -88,8 +88,8 @@ class Tracing:
 
     def describe(self) -> Values:
         """Every setting but the time allowed."""
-        settings = {"control": str(as_control(self.control)), "accuracy": self.accuracy, "max_load": self.max_load}
-        return {"task": "trace", **settings, "model": repr(self.model), "keep": self.keep}
+        settings = {"accuracy": self.accuracy, "max_load": self.max_load, "model": repr(self.model), "keep": self.keep}
+        return {"task": "trace", "control": repr(as_control(self.control)), **settings}
 
     def __call__(self, given: Contact) -> Outcome:
         """Thresholds, events and curves of a contact."""

@@ -16,7 +16,9 @@ from sweep_tasks import Number, Squares
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.control import DISPLACEMENT
+from contbranch.output import sweep_file
 from contbranch.sweeps.design import read_sweep
+from contbranch.sweeps.tasks import Tracing, key_of
 
 FILM = cb.Contact.reduced(cb.Gauss, tabor=4.0, sign=-1)
 TOML = """
@@ -201,3 +203,49 @@ def test_wrong_arguments_are_refused(tmp_path: Path, contacts: Any, settings: An
     with pytest.raises(cb.InputError, match=words):
         cb.sweep(contacts, tmp_path / "s.h5", AtOnce(), **settings)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_contacts_that_cannot_be_told_apart_or_compared_are_refused(tmp_path: Path) -> None:
+    def law(slope: float) -> cb.Interaction:
+        class Own(cb.Interaction):
+            def shape(self, x: Any) -> Any:
+                f = np.exp(-x)
+                return f * (1 + slope * x), f * (slope - 1 - slope * x), f * (1 - 2 * slope + slope * x)
+
+        return Own(1.0, 1.0)
+
+    alike = [cb.Contact(cb.Parabola(1.0), law(slope)) for slope in (0.0, 0.3)]
+    with pytest.raises(cb.InputError, match="numbers 0 and 1 differ by nothing that"):
+        cb.sweep(alike, tmp_path / "s.h5")
+    physical = cb.Contact.physical(
+        radius="1 um", modulus="5 GPa", interaction="gauss", work_of_adhesion="1 mN/m", range="1 nm"
+    )
+    with pytest.raises(cb.InputError, match="number 1 has other units than number 0"):
+        cb.sweep([physical, cb.Contact.reduced("gauss")], tmp_path / "s.h5")
+    for names in (("modulus", "material.modulus"), ("interaction.range", "interaction[0].range")):
+        with pytest.raises(cb.InputError, match="is there twice, under two names"):
+            cb.varied(cb.Contact.reduced("gauss"), {name: [1.0, 2.0] for name in names})
+
+
+def test_springs_that_print_alike_have_results_of_their_own() -> None:
+    contact = cb.Contact.reduced("gauss")
+    one, other = (key_of(contact, Tracing(cb.Spring(stiffness))) for stiffness in (0.12345671, 0.12345672))
+    assert one != other
+
+
+def test_a_sweep_goes_on_with_no_map_and_with_no_later_version(tmp_path: Path) -> None:
+    class Mapping(Squares):
+        kind = cb.FitMap
+
+    contacts, path = numbers(2), tmp_path / "s.h5"
+    with ThreadPoolExecutor(1) as executor:
+        cb.sweep(contacts, path, executor, task=Mapping(tmp_path / "notes"))
+        with pytest.raises(cb.InputError, match="holds contbranch-fit-map; choose another file"):
+            cb.sweep(contacts, path, executor, resume=True, task=Squares(tmp_path / "notes"))
+    path.write_bytes(path.read_bytes()[:-512])
+    with h5py.File(path, "a") as file:
+        file.attrs["version"] = 2
+    label = sweep_file._label(path, path.stat().st_size)
+    path.write_bytes(path.read_bytes() + label)
+    with pytest.raises(cb.InputError, match="has version 2 of contbranch-fit-map; must be at most 1"):
+        cb.load(path)

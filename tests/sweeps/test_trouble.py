@@ -18,6 +18,7 @@ import pytest
 from sweep_tasks import Number, Squares
 
 import contbranch as cb
+from contbranch.sweeps.cluster import Connected
 from contbranch.sweeps.journal import Journal, Records, decoded, encoded
 
 SCRIPT = """
@@ -102,7 +103,8 @@ def test_tasks_that_raise_hang_or_kill_their_worker_say_so_and_the_others_are_th
 def test_where_an_executor_breaks_processes_of_this_machine_go_on(tmp_path: Path) -> None:
     with ProcessPoolExecutor(1) as executor:
         task = Squares(tmp_path / "notes", kills=5)
-        found = cb.sweep([Number(k) for k in range(9)], tmp_path / "s.h5", executor, task=task)
+        with pytest.warns(UserWarning, match="it has broken; the sweep goes on with"):
+            found = cb.sweep([Number(k) for k in range(9)], tmp_path / "s.h5", executor, task=task)
     assert [task.index for task in found.failed] == [5]
     assert found.status == "complete"
 
@@ -240,3 +242,43 @@ def test_a_sweep_is_saved_as_a_copy_and_known_where_its_end_is_missing(tmp_path)
     for index in (2, "a"):
         with pytest.raises(cb.InputError, match=r"index: .*must be one of the numbers of 2 tasks"):
             found.diagram(index)
+
+
+def test_what_cannot_be_sent_to_a_worker_has_failed(tmp_path: Path) -> None:
+    class Local(Number):
+        """Of a class that no worker can import."""
+
+    found = cb.sweep([Local(1), Number(2)], tmp_path / "s.h5", task=Squares(tmp_path / "notes"), workers=1)
+    assert [(task.index, "pickle" in task.message) for task in found.failed] == [(0, True)]
+    assert found.tasks[1].status == "complete"
+
+
+def test_a_journal_that_is_no_folder_is_said(tmp_path: Path) -> None:
+    (tmp_path / "s.h5.journal").write_text("")
+    with pytest.raises(cb.InputError, match=r"journal' cannot be written \(File exists\)"):
+        cb.sweep([Number(1)], tmp_path / "s.h5", resume=True, task=Squares(tmp_path / "notes"))
+
+
+class Lost:
+    """A Dask client that loses its scheduler: what it was handed is cancelled, now and then with its worker dead."""
+
+    status, left = "running", 5
+
+    def get_executor(self, pure: bool) -> Lost:
+        return self
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        assert self.status == "running"
+        future: Future[Any] = Future()
+        future.cancel()
+        future.set_running_or_notify_cancel()
+        self.left -= 1
+        self.status = "running" if self.left else "closed"
+        return future
+
+
+def test_what_a_lost_scheduler_cancels_has_not_failed(tmp_path: Path) -> None:
+    task = Squares(tmp_path / "notes")
+    with pytest.warns(UserWarning, match="it has broken"):
+        found = cb.sweep([Number(1)], tmp_path / "s.h5", Connected(Lost()), task=task, workers=1)
+    assert [one.status for one in found.tasks] == ["complete"]
