@@ -127,8 +127,13 @@ class Interaction:
 
     @property
     def kink(self) -> float:
-        """The gap at which v'' jumps, the largest such jump; infinite without."""
-        return self.range * self._shape_kink
+        """The largest gap at which v'' jumps; infinite without."""
+        return max(self.kinks, default=math.inf)
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Gaps at which v'' jumps, from far away inwards: of a law alone the largest such jump."""
+        return (self.range * self._shape_kink,) if math.isfinite(self._shape_kink) else ()
 
     @cached_property
     def _shape_kink(self) -> float:
@@ -206,9 +211,9 @@ class Evaluated(Interaction):
     range: float = field(init=False)
 
     @property
-    def kink(self) -> float:
+    def kinks(self) -> tuple[float, ...]:
         """It has none."""
-        return math.inf
+        return ()
 
     def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return f, f' and f'' with respect to the work of adhesion, which must not vanish."""
@@ -257,9 +262,9 @@ class Sum(Evaluated):
         return "; ".join(law.limitation for law in self.laws if law.limitation)
 
     @property
-    def kink(self) -> float:
-        """That of the first law that has one."""
-        return next((law.kink for law in self.laws if math.isfinite(law.kink)), math.inf)
+    def kinks(self) -> tuple[float, ...]:
+        """Those of all laws."""
+        return tuple(sorted({kink for law in self.laws for kink in law.kinks}, reverse=True))
 
     @property
     def pieced(self) -> bool:

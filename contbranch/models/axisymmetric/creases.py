@@ -38,9 +38,9 @@ AROUND, SHARE = 3.0, 0.35
 SHORTER, SHORTEST = 0.4, 0.2
 # Creases that are followed; steps of Newton's method by which they are located.
 MOST, NEWTON = 6, 3
-# The key of a law's kink; other edges of panels are at least this share of its distance away from it, and one is at no
-# more than the second. A kink that has counted does so down to this share of the distance from which on others do: its
-# mesh, which may end there, must not end within it.
+# The key of a law's first kink, below which are those of others; other edges of panels are at least this share of its
+# distance away from one, and one edge is at no more than the second. A kink that has counted does so down to this share
+# of the distance from which on others do: its mesh, which may end there, must not end within it.
 KINK, NEXT, INNERMOST, STAYS = -1, 1e-3, 0.5, 0.3
 # It moves undeformed with what is at least this share of its distance around it, up to the mesh's end.
 LAST = 1e-4
@@ -83,7 +83,7 @@ class Crease:
     @property
     def kink(self) -> bool:
         """Whether the law has one there."""
-        return self.key == KINK
+        return self.key <= KINK
 
     def stretched(self, factor: float, weight: float) -> Crease:
         """The same where lengths are stretched, with a weight for its motion by its own place."""
@@ -91,13 +91,14 @@ class Crease:
         slope, weight = self.slope / factor ** (1 + self.order), weight / place**2
         return replace(self, place=place, half=factor * self.half, slope=slope, weight=weight)
 
-    def row(self, mesh: Mesh) -> tuple[slice, Array, float]:
+    def row(self, mesh: Mesh, kinks: Sequence[float]) -> tuple[slice, Array, float]:
         """The nodes of the panel on which it lies, what their gaps are multiplied by, and what is taken off to say how
         far it is from its place."""
         nodes, row = mesh.row(self.place)
         if self.order:
             row = row @ mesh.rule.derivative / mesh.half[nodes.start // mesh.order]
-        return nodes, row / self.slope, self.value / self.slope
+        value = kinks[KINK - self.key] if self.kink else self.value  # a neighbouring law's may be another
+        return nodes, row / self.slope, value / self.slope
 
 
 def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, mesh: Mesh) -> tuple[Array, Array]:
@@ -112,7 +113,7 @@ def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, m
     last = [crease.place if crease.kink else (crease.place + float(mesh.end)) / 2 for crease in creases]
     held = [(c.place - c.half, min(c.place + c.half, most)) for c, most in zip(creases, last, strict=True)]
     spans = sorted([*held, resting] if resting else held)
-    knots = np.array([mesh.innermost, *itertools.chain(*spans), mesh.end])
+    knots = np.minimum([mesh.innermost, *itertools.chain(*spans), mesh.end], mesh.end)
     rates = [
         np.interp(mesh.edges, knots, [0.0, *itertools.chain(*((float(span == own),) * 2 for span in spans)), 0.0])
         for own in held
@@ -205,21 +206,21 @@ def crossing(mesh: Mesh, fields: Fields, value: float) -> tuple[float, float] | 
 
 
 def kink_of(
-    mesh: Mesh, fields: Fields, value: float, least: float, followed: Sequence[Crease] = ()
-) -> tuple[Crease, ...]:
-    """What moves with the place where the law's stiffness jumps, a gap of that value, without its weight; none without.
+    mesh: Mesh, fields: Fields, kinks: Sequence[float], k: int, least: float, followed: Sequence[Crease]
+) -> Crease | None:
+    """What moves with the place where the gap is that of one of a law's kinks, without its weight; None without.
 
     It counts from a distance, `least`, and down to a share of that; one that is followed stays what it is.
     """
-    found, known = crossing(mesh, fields, value), [crease for crease in followed if crease.kink]
+    found, known = crossing(mesh, fields, kinks[k]), [crease for crease in followed if crease.key == KINK - k]
     if found is None or math.isinf(found[1]):
-        return ()
+        return None
     place, slope = (known[0].place, known[0].slope) if known else found
     room = SHARE * min(place - min(mesh.innermost, INNERMOST * place), mesh.end - place)
     share = STAYS if known else 1.0
     if not (place > share * least and room > share * LAST * place):
-        return ()
-    return (Crease(place, room, 0, value, slope, 0.0, KINK),)
+        return None
+    return Crease(place, room, 0, kinks[k], slope, 0.0, KINK - k)
 
 
 def joined(edges: Array, creases: Sequence[Crease]) -> Array:

@@ -545,10 +545,15 @@ class Equations:
         """p_fr(0), the interaction's pressure where the surfaces touch."""
         return self._touching[1]
 
+    @cached_property
+    def kinks(self) -> tuple[float, ...]:
+        """The gaps at which the interaction's stiffness jumps, from far away inwards."""
+        return () if self.interaction is None else self.interaction.kinks
+
     @property
     def kink(self) -> float:
-        """The gap at which the interaction's stiffness jumps."""
-        return math.inf if self.interaction is None else self.interaction.kink
+        """The first of them; infinite without."""
+        return self.kinks[0] if self.kinks else math.inf
 
     @cached_property
     def softens(self) -> bool:

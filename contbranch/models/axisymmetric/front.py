@@ -20,7 +20,7 @@ from contbranch.arrays import Array, magnitude
 from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
-from .creases import SHARE, STAYS, Crease, crossing, kink_of
+from .creases import SHARE, STAYS, Crease, apart, crossing, kink_of
 from .equations import Equations, Fields
 from .mesh import Mesh
 
@@ -251,13 +251,20 @@ class Edge:
         return replace(present, film=True) if present else Edge(distance, pressed)
 
 
-def kinks(seen: tuple[Equations, Fields], followed: Sequence[Crease] = ()) -> tuple[Crease, ...]:
-    """What moves with the law's kink on a mesh that ends at the edge of a tip, without its weight."""
+def kinks(
+    seen: tuple[Equations, Fields], front: Front | Edge | None, followed: Sequence[Crease] = ()
+) -> tuple[Crease, ...]:
+    """What moves with the law's kinks on a mesh that ends at the edge of a tip, or on one that the first of them leads,
+    without its weight."""
     equations, fields = seen
-    if math.isinf(equations.kink):
+    leads = isinstance(front, Kink)
+    if not (equations.kinks and (leads or isinstance(front, Edge))):
         return ()
-    least = SEEN * equations.tip.radius_at(equations.kink)
-    return kink_of(equations.mesh, fields, equations.kink, least, followed)
+    least = [SEEN * equations.tip.radius_at(kink) for kink in equations.kinks]
+    found = [
+        kink_of(equations.mesh, fields, equations.kinks, k, least[k], followed) for k in range(int(leads), len(least))
+    ]
+    return apart([crease for crease in found if crease], [_to_kink(seen)[0]] if leads else [])
 
 
 def _to_kink(seen: tuple[Equations, Fields]) -> tuple[float, float | None]:

@@ -83,10 +83,10 @@ class MeshedContact(MovingContact):
 
     @property
     def pieced(self) -> bool:
-        """Whether the law is, or has a kink: where its pieces meet, or so small a film ends, is no edge of panels."""
+        """Whether the law is, or has a kink: where its pieces meet is no edge of panels, and rates that go with a mesh
+        that moves with a kink are rough where that has just begun to."""
         law = self.equations.interaction
-        moved = isinstance(self.front, Kink) or any(crease.kink for crease in self.creases)
-        return law is not None and (law.pieced or (math.isfinite(law.kink) and not moved))
+        return law is not None and (law.pieced or bool(law.kinks))
 
     def resolved(self, x: Array, p: float, tolerance: float, most: float = math.inf) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as some rounds, or `most` unknowns, do, and the
@@ -255,7 +255,7 @@ class MeshedContact(MovingContact):
     def _fronted(self, x: Array, p: float) -> Front | Edge | None:
         """What the mesh is to move with at a state: a front and its creases."""
         found = self._led(x, p)
-        if found is None or isinstance(found, Kink):
+        if found is None or (isinstance(found, Kink) and len(self.equations.kinks) == 1):
             return found
         (equations, fields), now, same = self.seen(x, p), self.placed(x).mesh, self._as_moved(found)
         stretch = equations.mesh.end / now.end
@@ -267,10 +267,10 @@ class MeshedContact(MovingContact):
         narrow, steps = min(self.scale, LAYER * law.wave), math.inf
         if self._stiff(fields):
             steps = 1.0 if isinstance(found, Edge) else OF_ITS_OWN
-        if isinstance(found, Edge):
-            others = [crease for crease in followed if not crease.kink]
-            followed = [*kinks((equations, fields), followed), *others]
-        known = creases_of(equations.mesh, fields, narrow, unit * found.place, followed, steps)
+        others = [crease for crease in followed if not crease.kink]
+        known = kinks((equations, fields), found, followed)
+        if not isinstance(found, Kink):
+            known = creases_of(equations.mesh, fields, narrow, unit * found.place, [*known, *others], steps)
         stay = same and {crease.key for crease in known} == {crease.key for crease in own}
         if stay and not (own and shortened(self.mesh, now.edges) < SHORTER):
             return found if found.creases is own else replace(found, creases=own)
@@ -311,7 +311,7 @@ class MeshedContact(MovingContact):
                 edges = edges[:-1] if still.mesh.bounded else edges[edges < INSIDE * front.place]
                 edges = joined(np.append(edges, front.place), front.creases)
             elif isinstance(front, Kink):
-                edges = front.joined(still.mesh, still.fields(h, p))
+                edges = joined(front.joined(still.mesh, still.fields(h, p)), front.creases)
             mesh = mesh_on(edges, self.resolution.order, bounded=ends)
             h = still.mesh.interpolate(h, mesh.nodes)
             still = still.on_mesh(mesh)
@@ -379,6 +379,8 @@ class MeshedContact(MovingContact):
         """Whether a state is the same with another front, but for creases: the mesh moves alike."""
         if front is self.front or (isinstance(front, Edge) and isinstance(self.front, Edge)):
             return True
+        if isinstance(front, Kink) and isinstance(self.front, Kink):
+            return replace(front, creases=self.creases) == self.front
         if not isinstance(front, Front) or isinstance(front, Kink) or not isinstance(self.front, Front):
             return False
         return front.power == self.front.power
@@ -456,29 +458,35 @@ class MeshedContact(MovingContact):
         The gap's answer s = (2/π) arccos(a/r) to a rigid motion varies on the scale of the radius a; on panels far
         longer the radius of a fold has a relative error that further panels farther out do not cure.
         """
-        count = len(kinks(self.seen(point.x, point.parameter))) if isinstance(self.front, Edge) else 0
-        if self.moves or [crease.kink for crease in self.creases] != [True] * count:
-            still, h = self.still(point.x)
-            equations, fields = still.seen(h, point.parameter)
-            if edge := Edge.needed((equations, fields), tolerance):
-                weight = float(equations.mesh.weights @ fields.h**2)
-                found = kinks((equations, fields))
-                edge = replace(edge, creases=tuple(crease.stretched(1.0, weight) for crease in found))
-                still, h = still.anchored(edge, h, point.parameter)
-            return still.resolving(replace(point, problem=still, x=h), tolerance)
-        x, u = point.x, point.parameter
-        if self.front is None and self.resolution.moving and (kink := Kink.needed(self.seen(x, u), None)):
-            problem, x = self.anchored(kink, x, u)
-            return problem.resolving(replace(point, problem=problem, x=x), tolerance)
-        if self.relative_error(x, u) > tolerance:
-            return self.remeshed(x, u, tolerance, solve=False)[0]
-        mesh = self.mesh
+        u = point.parameter
+        problem, x = self._resting(point.x, u, tolerance)
+        if problem.relative_error(x, u) > tolerance:
+            return problem.remeshed(x, u, tolerance, solve=False)[0]
+        mesh = problem.mesh
         length = SHARE * self.equations.coordinate.radius(self.coordinate(u)) if 0.0 < u < SMALL else 0.0
         if not (self.equations.contact and 0.0 < length < mesh.innermost / GRADING):
-            return self
+            return problem
         count = min(PANELS, math.ceil(math.log(mesh.innermost / length) / math.log(GRADING)))
         inner = mesh.innermost * (length / mesh.innermost) ** (np.arange(count, 0, -1) / count)
-        return self.on_mesh(mesh_on(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order, mesh.bounded))
+        return problem.on_mesh(mesh_on(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order, mesh.bounded))
+
+    def _resting(self, x: Array, p: float, tolerance: float) -> tuple[Self, Array]:
+        """The problem on a mesh that moves with nothing but the edge of a tip and kinks of the law, and the state."""
+        seen = self.seen(x, p)
+        own = kinks(seen, self.front)
+        fresh = self.front is None and bool(self.resolution.moving) and Kink.needed(seen, None) is not None
+        if not (self.moves or fresh) and [crease.kink for crease in self.creases] == [True] * len(own):
+            return self, x
+        still, h = self.still(x)
+        equations, fields = seen = still.seen(h, p)
+        front: Edge | Kink | None = Edge.needed(seen, tolerance)
+        if front is None and self.resolution.moving:
+            front = Kink.needed(seen, None)
+        if front is None:
+            return still, h
+        weight = float(equations.mesh.weights @ fields.h**2)
+        front = replace(front, creases=tuple(crease.stretched(1.0, weight) for crease in kinks(seen, front)))
+        return still.anchored(front, h, p)
 
     def coarser(self, point: Point, tolerance: float) -> Self:
         """A mesh with clearly fewer nodes that serves a tolerance."""

@@ -173,7 +173,7 @@ class MovingContact(EquilibriumProblem):
     @cached_property
     def _rows(self) -> list[tuple[slice, Array, float]]:
         """What says how far creases are off."""
-        return [crease.row(self.mesh) for crease in self.creases]
+        return [crease.row(self.mesh, self.equations.kinks) for crease in self.creases]
 
     def jacobian(self, x: Array, p: float) -> Array:
         """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
