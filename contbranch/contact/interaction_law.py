@@ -126,26 +126,33 @@ class Interaction:
         return math.inf
 
     @property
+    def kinks(self) -> tuple[float, ...]:
+        """The gaps at which v'' jumps."""
+        return tuple(self.range * x for x in self._shape_kinks)
+
+    @property
     def kink(self) -> float:
-        """The gap at which v'' jumps, the largest such jump; infinite without."""
-        return self.range * self._shape_kink
+        """The largest of them, where films begin if nothing lies beyond; infinite without."""
+        return max(self.kinks, default=math.inf)
 
     @cached_property
-    def _shape_kink(self) -> float:
-        """x where f'' jumps: where halving the interval of its sharpest bend over and over leaves as large a change."""
+    def _shape_kinks(self) -> list[float]:
+        """x where f'' jumps: where halving the interval of a sharp bend over and over leaves as large a change."""
         x = np.linspace(*_KINKS)
         try:
             values = np.nan_to_num(self._curvature(x))
         except Exception:  # a law may fail where the contact never comes
-            return math.inf
-        k = int(np.argmax(np.abs(np.diff(values, 2))))
-        low, high = float(x[k]), float(x[k + 2])
-        while high - low > _KINKED:
+            return []
+        least, bends = _JUMP * np.abs(values).max(), np.pad(np.abs(np.diff(values, 2)), 1)
+        sharp = np.flatnonzero((bends[1:-1] > least / 2) & (bends[1:-1] >= np.maximum(bends[:-2], bends[2:])))
+        low, high = x[sharp], x[sharp + 2]
+        while sharp.size and high[0] - low[0] > _KINKED:
             middle = 0.5 * (low + high)
-            before, after = np.abs(np.diff(self._curvature(np.array([low, middle, high]))))
-            low, high = (low, middle) if before > after else (middle, high)
-        change = float(np.abs(np.diff(self._curvature(np.array([low, high]))))[0])
-        return high if change > _JUMP * np.abs(values).max() else math.inf
+            first, inner, last = (self._curvature(at) for at in (low, middle, high))
+            before = np.abs(inner - first) > np.abs(last - inner)
+            low, high = np.where(before, low, middle), np.where(before, middle, high)
+        places = high[np.abs(self._curvature(high) - self._curvature(low)) > least]
+        return [float(x) for x in places[np.diff(places, prepend=0.0) > 2 * _KINKED]]
 
     def _curvature(self, x: Array) -> Array:
         with np.errstate(all="ignore"):
@@ -206,9 +213,9 @@ class Evaluated(Interaction):
     range: float = field(init=False)
 
     @property
-    def kink(self) -> float:
+    def kinks(self) -> tuple[float, ...]:
         """It has none."""
-        return math.inf
+        return ()
 
     def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return f, f' and f'' with respect to the work of adhesion, which must not vanish."""
@@ -257,9 +264,9 @@ class Sum(Evaluated):
         return "; ".join(law.limitation for law in self.laws if law.limitation)
 
     @property
-    def kink(self) -> float:
-        """That of the first law that has one."""
-        return next((law.kink for law in self.laws if math.isfinite(law.kink)), math.inf)
+    def kinks(self) -> tuple[float, ...]:
+        """Those of all laws."""
+        return tuple({kink for law in self.laws for kink in law.kinks})
 
     @property
     def pieced(self) -> bool:

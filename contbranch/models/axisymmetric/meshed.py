@@ -84,9 +84,9 @@ class MeshedContact(MovingContact):
 
     @property
     def pieced(self) -> bool:
-        """Whether the law is, or has a kink: where its pieces meet, or so small a film ends, is no edge of panels."""
+        """Whether the law is, or has a kink with which the mesh does not move: no edge of panels is there."""
         law = self.equations.interaction
-        return law is not None and (law.pieced or (math.isfinite(law.kink) and not isinstance(self.front, Kink)))
+        return law is not None and (law.pieced or len(law.kinks) > isinstance(self.front, Kink))
 
     def resolved(self, x: Array, p: float, tolerance: float, most: float = math.inf) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as some rounds, or `most` unknowns, do, and the
