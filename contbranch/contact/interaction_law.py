@@ -126,31 +126,33 @@ class Interaction:
         return math.inf
 
     @property
-    def kink(self) -> float:
-        """The largest gap at which v'' jumps; infinite without."""
-        return max(self.kinks, default=math.inf)
+    def kinks(self) -> tuple[float, ...]:
+        """The gaps at which v'' jumps, from far away inwards."""
+        return tuple(self.range * x for x in reversed(self._shape_kinks))
 
     @property
-    def kinks(self) -> tuple[float, ...]:
-        """Gaps at which v'' jumps, from far away inwards: of a law alone the largest such jump."""
-        return (self.range * self._shape_kink,) if math.isfinite(self._shape_kink) else ()
+    def kink(self) -> float:
+        """The largest of them, where films begin if nothing lies beyond; infinite without."""
+        return max(self.kinks, default=math.inf)
 
     @cached_property
-    def _shape_kink(self) -> float:
-        """x where f'' jumps: where halving the interval of its sharpest bend over and over leaves as large a change."""
+    def _shape_kinks(self) -> list[float]:
+        """x where f'' jumps: where halving the interval of a sharp bend over and over leaves as large a change."""
         x = np.linspace(*_KINKS)
         try:
             values = np.nan_to_num(self._curvature(x))
         except Exception:  # a law may fail where the contact never comes
-            return math.inf
-        k = int(np.argmax(np.abs(np.diff(values, 2))))
-        low, high = float(x[k]), float(x[k + 2])
-        while high - low > _KINKED:
+            return []
+        least, bends = _JUMP * np.abs(values).max(), np.pad(np.abs(np.diff(values, 2)), 1)
+        sharp = np.flatnonzero((bends[1:-1] > least / 2) & (bends[1:-1] >= np.maximum(bends[:-2], bends[2:])))
+        low, high = x[sharp], x[sharp + 2]
+        while sharp.size and high[0] - low[0] > _KINKED:
             middle = 0.5 * (low + high)
-            before, after = np.abs(np.diff(self._curvature(np.array([low, middle, high]))))
-            low, high = (low, middle) if before > after else (middle, high)
-        change = float(np.abs(np.diff(self._curvature(np.array([low, high]))))[0])
-        return high if change > _JUMP * np.abs(values).max() else math.inf
+            first, inner, last = (self._curvature(at) for at in (low, middle, high))
+            before = np.abs(inner - first) > np.abs(last - inner)
+            low, high = np.where(before, low, middle), np.where(before, middle, high)
+        places = high[np.abs(self._curvature(high) - self._curvature(low)) > least]
+        return [float(x) for x in places[np.diff(places, prepend=0.0) > 2 * _KINKED]]
 
     def _curvature(self, x: Array) -> Array:
         with np.errstate(all="ignore"):

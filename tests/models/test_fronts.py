@@ -25,6 +25,15 @@ class Ramp(cb.Interaction):
         return left**2, -left, np.where(x < 2, 0.5, 0.0)
 
 
+class Hat(cb.Interaction):
+    """A pressure that grows linearly up to x = 1 and falls to zero at x = 2."""
+
+    def shape(self, x):
+        near, rest = x < 1, np.maximum(2 - x, 0.0)
+        bends = np.where(near, -1.0, np.where(x < 2, 1.0, 0.0))
+        return np.where(near, 1 - x * x / 2, rest**2 / 2), np.where(near, -x, -rest), bends
+
+
 def test_limits_of_jkr():
     law, tabor = cb.Gauss, 32.0
     diagram = cb.trace(cb.Contact.reduced(law, tabor=tabor), modes=0)
@@ -249,3 +258,30 @@ def test_a_kink_that_is_lost_again_leaves_no_mesh_that_ends_within_it():
     assert branch.load[-1] > 1e4
     assert (np.diff(branch.load) > -1e-9).all()
     assert not branch.unstable_displacement.any()
+
+
+# Folds of the displacement and first touch of laws with two kinks, by collocation of the pressure with the elliptic
+# kernel, panels ending at both kinks and made finer there until nothing changes.
+TWO_KINKS = {
+    "a hat": (Hat(1.0, 1.42), "fold", -1.68119912, -2.535342352241),
+    "ramps, the outer one first": (Ramp(0.5, 1.0) + Ramp(0.5, 0.5), "fold", -2.73399162, -1.720008898724),
+    "ramps, the inner one first": (Ramp(-0.7, 1.0) + Ramp(-0.3, 2.0), "touch", 12.164569703, 3.422194173),
+}
+
+
+@pytest.mark.parametrize("name", TWO_KINKS)
+def test_laws_with_two_kinks(name):
+    """Both are edges of panels with which the mesh moves."""
+    law, kind, load, displacement = TWO_KINKS[name]
+    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), law), modes=0, time_limit=60.0)
+    assert diagram.status == "complete", diagram.message
+    events = diagram.folds("displacement") if kind == "fold" else [e for e in diagram.events if e.kind == kind]
+    event = min(events, key=lambda event: abs(event.load - load))
+    assert abs(event.load - load) <= 3 * event.error["load"]
+    assert abs(event.displacement - displacement) <= 3 * event.error["displacement"]
+
+
+def test_which_kink_leads_does_not_depend_on_the_order_of_laws():
+    one, other = Ramp(0.5, 1.0), Ramp(0.5, 2.0)
+    assert (one + other).kink == (other + one).kink == pytest.approx(4.0)
+    assert sorted(Hat(1.0, 0.5).kinks) == pytest.approx([0.5, 1.0])
