@@ -24,7 +24,7 @@ from .equations import Fields
 from .mesh import Mesh
 
 __all__ = [
-    "SHARE", "SHORTER", "STAYS", "Crease", "apart", "creases_of", "crossing", "joined", "kink_of", "located",
+    "MOST", "SHARE", "SHORTER", "STAYS", "Crease", "apart", "creases_of", "crossing", "joined", "kink_of", "located",
     "moved_with", "shortened", "velocities",
 ]  # fmt: skip
 

@@ -20,7 +20,7 @@ from contbranch.arrays import Array, magnitude
 from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
-from .creases import SHARE, STAYS, Crease, apart, crossing, kink_of
+from .creases import MOST, SHARE, STAYS, Crease, apart, crossing, kink_of
 from .equations import Equations, Fields
 from .mesh import Mesh
 
@@ -260,7 +260,7 @@ def kinks(
     leads = isinstance(front, Kink)
     if not (equations.kinks and (leads or isinstance(front, Edge))):
         return ()
-    least = [SEEN * equations.tip.radius_at(kink) for kink in equations.kinks]
+    least = [SEEN * equations.tip.radius_at(kink) for kink in equations.kinks[:MOST]]
     found = [
         kink_of(equations.mesh, fields, equations.kinks, k, least[k], followed) for k in range(int(leads), len(least))
     ]
