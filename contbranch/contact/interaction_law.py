@@ -137,10 +137,19 @@ class Interaction:
 
     @cached_property
     def _shape_kinks(self) -> list[float]:
-        """x where f'' jumps: where halving the interval of a sharp bend over and over leaves as large a change."""
+        return self.jumps(2)
+
+    def jumps(self, order: int) -> list[float]:
+        """x where a derivative of f jumps: where halving the interval of a sharp bend over and over leaves as large a
+        change."""
+
+        def derivative(x: Array) -> Array:
+            with np.errstate(all="ignore"):
+                return np.asarray(self.shape(x)[order], dtype=float)
+
         x = np.linspace(*_KINKS)
         try:
-            values = np.nan_to_num(self._curvature(x))
+            values = np.nan_to_num(derivative(x))
         except Exception:  # a law may fail where the contact never comes
             return []
         least, bends = _JUMP * np.abs(values).max(), np.pad(np.abs(np.diff(values, 2)), 1)
@@ -148,15 +157,11 @@ class Interaction:
         low, high = x[sharp], x[sharp + 2]
         while sharp.size and high[0] - low[0] > _KINKED:
             middle = 0.5 * (low + high)
-            first, inner, last = (self._curvature(at) for at in (low, middle, high))
+            first, inner, last = (derivative(at) for at in (low, middle, high))
             before = np.abs(inner - first) > np.abs(last - inner)
             low, high = np.where(before, low, middle), np.where(before, middle, high)
-        places = high[np.abs(self._curvature(high) - self._curvature(low)) > least]
+        places = high[np.abs(derivative(high) - derivative(low)) > least]
         return [float(x) for x in places[np.diff(places, prepend=0.0) > 2 * _KINKED]]
-
-    def _curvature(self, x: Array) -> Array:
-        with np.errstate(all="ignore"):
-            return np.asarray(self.shape(x)[2], dtype=float)
 
     def reach(self, tolerance: float) -> float:
         """Return the gap beyond which |v| ≤ `tolerance` · `reference_work`; the end of the law if it ends before."""

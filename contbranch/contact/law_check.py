@@ -33,6 +33,16 @@ def check_laws(interaction: Interaction | None) -> None:
             _check(law, place)
 
 
+def jumping(interaction: Interaction | None) -> str:
+    """What to do about a user's law whose pressure jumps, whose edge is not followed; empty without one."""
+    laws = terms_of(interaction)
+    for place, law in zip(places_of(laws), laws, strict=True):
+        if INTERACTIONS.get(law.name) is not type(law) and (jumps := law.jumps(1)):
+            at, remedy = f"x = {jumps[0]:.6g}", "let it fall over some share of the range, or use MaugisDugdale."
+            return f"{place}: the pressure of {type(law).__name__} jumps at {at}: {remedy}"
+    return ""
+
+
 def _check(law: Interaction, field: str) -> None:
     name = f"{field}: {type(law).__name__}"
     gaps = np.array(GAPS) * law.range

@@ -17,7 +17,7 @@ from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.units import FINEST
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.find import disconnected
-from contbranch.curve.outcome import RawCurve, no_curve, state_in_units, stiffest
+from contbranch.curve.outcome import RawCurve, no_curve, not_followed, state_in_units
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.problem import EquilibriumProblem
 from contbranch.curve.quasi_static import Jump, Leg, Stop, quasi_static
@@ -160,7 +160,7 @@ class FollowedCurves:
         """What is read off the curve.
 
         Where it is lost, or what is read of all of it is in doubt, it is followed once more with finer discretisations,
-        from its start, unless it is stiffer than what is followed at all.
+        from its start, unless its contact is one of those that are not followed.
         """
 
         def followed(accuracy: float) -> Track:
@@ -168,7 +168,7 @@ class FollowedCurves:
             return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
 
         track, finer = followed(request.accuracy), FINER * request.accuracy
-        once = not track.points or track.problem(0).given or finer < FINEST or bool(stiffest(self.contact))
+        once = not track.points or track.problem(0).given or finer < FINEST or bool(not_followed(self.contact))
         first = None if track.lost and not (once or over()) else read(track)
         if first is not None and (once or over() or not first.doubtful):
             return first

@@ -14,6 +14,7 @@ import numpy as np
 from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.law_check import jumping
 from contbranch.contact.tips import Parabola
 from contbranch.contact.units import Scales
 from contbranch.continuation import CorrectionError, Point
@@ -43,9 +44,9 @@ __all__ = [
     "fold_names",
     "measured",
     "no_curve",
+    "not_followed",
     "state_in_reduced",
     "state_in_units",
-    "stiffest",
 ]
 
 # Tabor coefficients below which curves of repulsion and of attraction are followed to their end.
@@ -307,7 +308,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         stiffness=control.spring_stiffness,
         accuracy=accuracy,
         status="complete" if curve.complete else "incomplete",
-        message=f"{curve.message}{'' if curve.complete else stiffest(contact)}",
+        message=f"{curve.message}{'' if curve.complete else not_followed(contact)}",
         description=contact.describe(),
         unit_names=contact.units.names,
         local_exponents=local_exponents,
@@ -315,8 +316,10 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
     )
 
 
-def stiffest(contact: Contact) -> str:
-    """What holds in the limit of stiff interactions; empty for those that are followed."""
+def not_followed(contact: Contact) -> str:
+    """What holds in the limit of stiff interactions, or which law's pressure jumps; empty for what is followed."""
+    if jump := jumping(contact.interaction):
+        return f" {jump}"
     tabor, terms = contact.tabor or 0.0, terms_of(contact.interaction)
     adhesive = sum(term.work_of_adhesion for term in terms) > 0
     most, limit = STIFFEST[adhesive], "JKR's (contbranch.theory.jkr)" if adhesive else "Hertz'"

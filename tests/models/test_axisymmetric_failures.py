@@ -114,6 +114,14 @@ def test_laws_with_kinks_and_steep_ones_are_taken():
         check_laws(of_shape(shape).interaction)
 
 
+def test_where_the_pressure_of_a_law_jumps_the_message_says_so():
+    step = of_shape(lambda x: (np.maximum(1.0 - x, 0.0), np.where(x < 1.0, -1.0, 0.0), 0.0 * x))
+    diagram = cb.trace(step)
+    assert diagram.status == "incomplete"
+    assert "interaction[1]: the pressure of Mine jumps at x = 1: let it fall" in diagram.message
+    assert "ask for less" not in diagram.message
+
+
 def test_a_slip_of_the_programmer_is_passed_on():
     with pytest.raises(NameError, match="undefined"):
         cb.trace(of_shape(lambda x: undefined))  # noqa: F821
