@@ -43,3 +43,14 @@ def test_a_sum_whose_other_law_reaches_beyond_the_kink_begins():
     diagram = cb.trace(cb.Contact(cb.SphericalCap(1.3525604066483932), law), accuracy=1e-5, max_load=1.0)
     assert diagram.status == "complete"
     assert diagram.events[0].name == "squeeze-out"
+
+
+def test_a_loop_whose_film_reaches_the_edge_from_its_first_row():
+    """States farther away than the first row were sought with that row's front, of which none was given."""
+    contact, spring = CONTACTS["at the edge of a cap"], cb.Spring(2.0)
+    loop = cb.hysteresis(contact, control=spring, accuracy=1e-4, max_load=4.0)
+    assert loop.status == "complete"
+    folds = cb.trace(contact, control=spring, accuracy=1e-6, max_load=4.0).folds("spring")
+    assert [jump.name for jump in loop.jumps] == ["squeeze-out", "pull-off"]
+    for jump, fold in zip(loop.jumps, folds, strict=True):
+        assert abs(jump.start.load - fold.load) < 1e-4

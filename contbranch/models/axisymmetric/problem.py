@@ -512,9 +512,8 @@ class ContactProblem(MeshedContact):
         """Out there the tip feels next to nothing: its displacement is minus the gap, and so is a spring's position."""
         if control.kind == "load":
             return None
-        u = self.parameter(value)
-        none = np.zeros(self.size)
-        return oriented(self, self.solve_at(none, u), u, (none, 1.0))
+        problem, u, none = replace(self, front=None), self.parameter(value), np.zeros(self.size)
+        return oriented(problem, problem.solve_at(none, u), u, (none, 1.0))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Rates of load, displacement, contact radius and central gap along a direction."""
