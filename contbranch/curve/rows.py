@@ -316,7 +316,7 @@ def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
                 break
             if allowed < accuracy and _coincide(first, second):
                 break
-            allowed *= 0.01
+            allowed = max(0.01 * allowed, SHARPEST)
             for k in (a, b):
                 better = _within(track, refine(found[k].point, FoldEvent(control), allowed), allowed)
                 if better.relative_error() < found[k].relative_error():
