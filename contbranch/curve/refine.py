@@ -431,7 +431,8 @@ def _best(
 
     The first one is the place's own if none is given.
 
-    Where two may agree by chance, an agreement all at once counts as far as a finer one than both confirms it.
+    Where two may agree by chance, and where higher order did not help, an agreement all at once counts as far as a finer
+    one than both confirms it.
     """
     best: Found | None = None
     chance: Found | None = None
@@ -460,7 +461,7 @@ def _best(
             idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
-            if chance is None and error <= min(accuracy, ALL_AT_ONCE * last) and problem.pieced:
+            if chance is None and error <= min(accuracy, ALL_AT_ONCE * last) and (rough or problem.pieced):
                 halved = problem.halved(place.point, 0.0)
                 place = _located(_carried(place, halved, event), event)
                 best, chance = None, found

@@ -196,3 +196,17 @@ def test_place_of_a_fold_whose_film_reaches_a_kink_under_a_cap():
     fold = next(e for e in cb.trace(contact, accuracy=1e-6).events if e.name == "squeeze-out")
     assert abs(fold.central_gap - 0.6151355) <= 3.0 * fold.error["central_gap"] + 3e-7
     assert abs(fold.displacement - 0.01936102) <= 3.0 * fold.error["displacement"] + 1e-7
+
+
+def test_two_meshes_that_agree_by_chance_next_to_a_fold():
+    """The state at a load just below a fold, far away, was off by 150 stated errors."""
+    law = cb.Gauss(0.231, 482.58448156771595) + cb.VanDerWaals(-0.769, 170.35232199340373)
+    contact = cb.Contact(cb.Parabola(1.0), law)
+    coarse, fine = (
+        sorted(cb.find_all(contact, load=0.05000891609161658, accuracy=accuracy).states, key=lambda s: s.displacement)
+        for accuracy in (1e-8, 1e-10)
+    )
+    assert len(coarse) == len(fine) == 3
+    for here, there in zip(coarse, fine, strict=True):
+        off = abs(here.displacement - there.displacement)
+        assert off <= 3.0 * (here.error["displacement"] + there.error["displacement"])
