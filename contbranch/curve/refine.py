@@ -431,8 +431,8 @@ def _best(
 
     The first one is the place's own if none is given.
 
-    Where two may agree by chance, and where higher order did not help, an agreement all at once counts as far as a finer
-    one than both confirms it.
+    Where two may agree by chance, and where higher order did not help, an agreement all at once counts as far as a
+    finer one than both confirms it.
     """
     best: Found | None = None
     chance: Found | None = None
