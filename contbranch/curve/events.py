@@ -78,10 +78,17 @@ class FoldEvent(Event):
         return self.control.kind
 
     def value(self, point: Point) -> float:
-        """The rate of what is controlled as a share of that of all observables."""
+        """The rate of what is controlled along the unit tangent; where a law has kinks, relative to all observables'.
+
+        Where a kink begins to be felt, the motion of the mesh takes all of the tangent, along which all rates vanish.
+        """
         found = rates_of(point)
-        size = math.hypot(*found)
-        return self.control.weighted(*found[:2]) / size if size else 0.0
+        rate = self.control.weighted(*found[:2])
+        if not equilibrium(point).kinked:
+            return rate
+        own = values_of(point)
+        size = math.hypot(found.load / max(1.0, abs(own.load)), found.displacement / max(1.0, abs(own.displacement)))
+        return rate / max(math.hypot(size, found.contact_radius, found.central_gap), TINY)
 
 
 @dataclass(frozen=True)

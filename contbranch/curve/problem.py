@@ -288,6 +288,11 @@ class EquilibriumProblem(Problem):
         """The same state as other models have it."""
         return ()
 
+    @property
+    def kinked(self) -> bool:
+        """Whether the stiffness of the interaction jumps somewhere."""
+        return False
+
     def margin(self, x: Array, p: float, name: str) -> float:
         """A margin, or another distance of the problem's that names an event."""
         return self.margins(x, p)[name]

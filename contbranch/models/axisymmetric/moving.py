@@ -340,6 +340,11 @@ class MovingContact(EquilibriumProblem):
         return self.equations.tip.apex_exponent > 2.0
 
     @property
+    def kinked(self) -> bool:
+        """Whether the law has kinks."""
+        return bool(self.equations.kinks)
+
+    @property
     def power(self) -> float:
         """In contact the load has a term of order a³ beside a²: it is smooth in the radius a and not in a^m ~ u."""
         return self.equations.coordinate.power if self.equations.contact else 1.0
