@@ -190,6 +190,15 @@ def test_kink_under_cone():
     assert branch.load[early] == pytest.approx(math.pi / 6 * tabor**2 * depth[early] ** 3, rel=0.05, abs=1e-9)
 
 
+def test_folds_at_loads_of_a_hundred_millions():
+    """There the load changes by 1e4 times what the displacement does, and both all but rest together."""
+    diagram = cb.trace(cb.Contact(cb.Cone(1.0), cb.VanDerWaals(-1.0, 0.1)), modes=0)
+    assert diagram.status == "complete", diagram.message
+    assert [event.name for event in diagram.folds()] == ["squeeze-out", "squeeze-out", "wetting", "wetting"]
+    for one, other in zip(diagram.folds("load"), diagram.folds("displacement"), strict=True):
+        assert one.load == pytest.approx(other.load, rel=1e-9)
+
+
 @pytest.mark.parametrize(("exponent", "tabor", "allowed"), [(1.5, 10.0, 0.05), (1.999, 40.0, 0.004)])
 def test_touch_under_power_laws(exponent, tabor, allowed):
     """A stiff film that does not soften bears the pressure of a bare contact, with its p(0) at the centre.
