@@ -4,7 +4,7 @@ A film that is about to give way in one place, or layers, make the gap dip, or r
 own. Where the film is flat there is next to nothing to hold such a crease, and the curve passes through all places that
 it can be at. On a mesh that moves along with it, ``xi -> xi + Σ b_k v_k(xi)`` with one unknown b_k and one equation
 for each, ``g'(xi_k) = 0`` for a crease and ``g(xi_k) = g_k`` for a step, it stands still. Where the law's stiffness
-jumps is such a step, too, on a mesh that ends at the edge of a tip: there the panels' polynomials end.
+jumps is such a step, too, unless it leads the mesh itself: there the panels' polynomials end.
 """
 
 from __future__ import annotations
