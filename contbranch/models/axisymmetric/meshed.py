@@ -86,7 +86,7 @@ class MeshedContact(MovingContact):
         """Whether the law is, or has a kink: where its pieces meet is no edge of panels, and rates that go with a mesh
         that moves with a kink are rough where that has just begun to."""
         law = self.equations.interaction
-        return law is not None and (law.pieced or bool(law.kinks))
+        return law is not None and (law.pieced or self.kinked)
 
     def resolved(self, x: Array, p: float, tolerance: float, most: float = math.inf) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as some rounds, or `most` unknowns, do, and the
