@@ -31,8 +31,8 @@ RESTS = 0.25
 # A mesh that must reach beyond the first share of the distance to the edge of the tip ends there, if what ends there
 # exceeds the tolerance, and goes on to do so down to the second share of both.
 CLOSE_TO_EDGE, LEAVES = 0.8, 0.6
-# Shares are of this part of the tolerance: on a mesh that does not end there, what does gives loads a slope of the mesh's
-# own, alike at every resolution, and folds another place.
+# Shares are of this part of the tolerance: on a mesh that does not end there, what does gives loads a slope of the
+# mesh's own, alike at every resolution, and folds another place.
 MISSED = 0.03
 # Other edges of panels are at least this share of its distance away from a kink.
 NEXT = 0.1
