@@ -22,6 +22,7 @@ Kind = TypeVar("Kind")
 
 # Seconds without news after which what was said last is said again, so that the callback is asked.
 SILENCE = 0.2
+LATE = "The time limit of"
 # Whose frames tell nothing of whose fault an error is.
 _OURS = ("contbranch", "numpy", "scipy", "pyfftw")
 
@@ -73,7 +74,7 @@ class Watch:
         if self._finishing or (not self.reason and now < self._next):
             return
         if now >= self._deadline:
-            self.reason = self.reason or f"The time limit of {self._limit:g} s was reached."
+            self.reason = self.reason or f"{LATE} {self._limit:g} s was reached."
         if self.reason:
             raise Interruption(self.reason)
         self._next = min(now + SILENCE, self._deadline)

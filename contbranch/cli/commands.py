@@ -58,7 +58,7 @@ _OPTIONS = {
     "--workers": ("N", "Traces at a time.  [default: one for each core]"),
     "--scheduler": ("ADDRESS", "Of a Dask cluster, instead of the cores of this machine."),
     "--resume": ("", "Go on with an earlier sweep of that file, if there is one."),
-    "--retry": ("", "Compute again what failed."),
+    "--retry": ("", "Compute again what failed, or had less time than now."),
     "--json": ("FILE", "Write JSON; - for standard output."),
     "--csv": ("FILE", "Write the points as a table, with units in its first line; - as above."),
     "--events-csv": ("FILE", "Write the events as a table; - as above."),

@@ -25,7 +25,7 @@ from contbranch.sweeps.design import Design, listed
 from contbranch.sweeps.journal import Journal, decoded, encoded
 from contbranch.sweeps.run import Run
 from contbranch.sweeps.tasks import Task, Tracing, key_of
-from contbranch.watch import Progress, kept, told, watched
+from contbranch.watch import LATE, Progress, kept, told, watched
 
 _FEW = 1000  # contacts whose profiles are kept unless something else is asked for
 _TRACING = ("control", "accuracy", "max_load", "model", "keep", "task_limit")
@@ -64,9 +64,10 @@ def sweep(
         As of `contbranch.trace`.
     **settings
         Of the traces: ``control``, ``accuracy``, ``max_load``, ``model``; ``keep``: ``"thresholds"``, ``"curves"`` or
-        ``"profiles"`` (default for up to 1,000 contacts; curves for more); ``task_limit``: seconds that a trace may
-        take (3,600). Of the sweep: ``workers``: how many work at a time (default: one for each core, or as many as the
-        executor says); ``retry=True``: what failed is computed again; ``time_limit``: seconds.
+        ``"profiles"`` (default: what the sweep to be resumed has kept, otherwise profiles of up to 1,000 contacts,
+        curves of more); ``task_limit``: seconds that a trace may take (3,600). Of the sweep: ``workers``: how many work
+        at a time (default: one for each core, or as many as the executor says); ``retry=True``: what failed is computed
+        again, and what was ended by a shorter ``task_limit``; ``time_limit``: seconds.
 
     Returns
     -------
@@ -90,9 +91,10 @@ def sweep(
     design = contacts if isinstance(contacts, Design) else listed(contacts)
     chosen: dict[str, Any] = {name: settings[name] for name in _TRACING[:4] if name in settings}
     limit = settings.get("task_limit", 3600.0)
-    chosen["keep"] = settings.get("keep") or ("profiles" if len(contacts) <= _FEW else "curves")
-    if task is None:
-        task = Tracing(**chosen, time_limit=limit and positive_number(limit, "task_limit"))
+    limit = limit and positive_number(limit, "task_limit")
+    usual = ("profiles", "curves", "thresholds") if len(contacts) <= _FEW else ("curves", "profiles", "thresholds")
+    choices: Sequence[Any] = (settings["keep"],) if settings.get("keep") else usual
+    tasks = [Tracing(**chosen, keep=keep, time_limit=limit) for keep in choices] if task is None else [task]
     folder = path.with_name(path.name + ".journal")
     if not resume and (path.exists() or folder.exists()):
         what = f"'{path}' exists" if path.exists() else f"'{folder}' holds an unfinished sweep"
@@ -101,50 +103,68 @@ def sweep(
     with reserved(path) as place, watched(progress, span and positive_number(span, "time_limit")) as watch:
         if place.unfinished is None:
             raise InputError(f"path: '{path}' is no file; give a name for one")
-        found = _swept(design, path, task, executor, settings)
+        try:
+            found = _swept(design, path, tasks, executor, settings)
+        except OSError as error:
+            raise InputError(f"path: '{folder}' cannot be written ({error.strerror}); resume when it can") from None
     return watch.passed(found)
 
 
-def _swept(design: Design, path: Path, task: Task, executor: Executor | None, settings: dict[str, Any]) -> Sweep:
-    """Compute what is missing, and write the file when nothing is."""
+def _swept(
+    design: Design, path: Path, tasks: Sequence[Task], executor: Executor | None, settings: dict[str, Any]
+) -> Sweep:
+    """Compute what is missing, and write the file when nothing is: by the task of an earlier sweep, or the first."""
     began = time.perf_counter()
-    keys = [key_of(contact, task) for contact in design]
+    earlier = load_sweep(path) if path.exists() else None
+    folder = path.with_name(path.name + ".journal")
+    known = set() if earlier is None else {one.key for one in earlier.tasks}
+    if folder.exists() and len(tasks) > 1:
+        with closing(Journal(folder)) as journal:
+            known.update(journal.ended)
+    task, keys = _continued(tasks, design, known)
     places: dict[str, int] = {}
     for index, key in enumerate(keys):
         first = places.setdefault(key, index)
         if first != index and isinstance(design[index], Contact) and design[index] != design[first]:
             words = "differ by nothing that their descriptions hold; laws and tips of your own need fields that differ"
             raise InputError(f"contacts: numbers {first} and {index} {words}")
-    earlier = load_sweep(path) if path.exists() else None
     if earlier is not None and earlier.format != getattr(task, "kind", Sweep).format:
         raise InputError(f"path: '{path}' holds {earlier.format}; choose another file")
-    folder = path.with_name(path.name + ".journal")
     retry = settings.get("retry", False)
     if earlier is not None and not folder.exists() and not retry and [one.key for one in earlier.tasks] == keys:
         return replace(earlier, computed=0, reused=len(keys), path=path)
-    try:
-        with closing(Journal(folder)) as journal:
-            if earlier is not None:
-                known = [one for one in earlier.tasks if one.key in places and one.key not in journal.ended]
-                _add(earlier, known, journal)
-            if retry:
-                for key in [key for key, entry in journal.ended.items() if entry.about["status"] == "failed"]:
-                    journal.forget(key)
-            missing = [key for key in places if key not in journal.ended]
-            workers = settings.get("workers") or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
-            run = Run(task, lambda key: design[places[key]], journal, executor, workers, len(places))
-            kept(lambda: run(missing), None)
-            computed = sum(key in journal.ended for key in missing)
-            result = _result(design, task, keys, journal, path)
-            cost, message = Cost(time.perf_counter() - began, 0), told(run.failure or result.message)
-            result = replace(result, computed=computed, reused=len(result.tasks) - computed, cost=cost, message=message)
-            if result.status == "complete":
-                write_sweep(result, lambda: (decoded(journal.record(key)) for key in keys), folder / "complete.h5")
-                os.replace(folder / "complete.h5", path)
-            journal.close(remove=result.status == "complete")
-            return result
-    except OSError as error:
-        raise InputError(f"path: '{folder}' cannot be written ({error.strerror}); resume when it can") from None
+    with closing(Journal(folder)) as journal:
+        if earlier is not None:
+            again = [one for one in earlier.tasks if one.key in places and one.key not in journal.ended]
+            _add(earlier, again, journal)
+        if retry:
+            for key in [key for key, entry in journal.ended.items() if _failed(entry.about, task.time_limit)]:
+                journal.forget(key)
+        missing = [key for key in places if key not in journal.ended]
+        workers = settings.get("workers") or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+        run = Run(task, lambda key: design[places[key]], journal, executor, workers, len(places))
+        kept(lambda: run(missing), None)
+        computed = sum(key in journal.ended for key in missing)
+        result = _result(design, task, keys, journal, path)
+        cost, message = Cost(time.perf_counter() - began, 0), told(run.failure or result.message)
+        result = replace(result, computed=computed, reused=len(result.tasks) - computed, cost=cost, message=message)
+        if result.status == "complete":
+            write_sweep(result, lambda: (decoded(journal.record(key)) for key in keys), folder / "complete.h5")
+            os.replace(folder / "complete.h5", path)
+        journal.close(remove=result.status == "complete")
+        return result
+
+
+def _continued(tasks: Sequence[Task], design: Design, known: set[str]) -> tuple[Task, list[str]]:
+    """The task by which some of what is known was computed, otherwise the first; and the keys of its results."""
+    found = [(task, [key_of(contact, task) for contact in design]) for task in (tasks if known else tasks[:1])]
+    return next((one for one in found if not known.isdisjoint(one[1])), found[0])
+
+
+def _failed(about: dict[str, Any], limit: float | None) -> bool:
+    """Whether a task failed, or was ended by a shorter limit than it has now."""
+    late = about["status"] == "incomplete" and LATE in about["message"]
+    return about["status"] == "failed" or (late and (limit is None or about["wall_s"] < limit))
 
 
 def _add(earlier: Sweep, tasks: Sequence[SweepTask], journal: Journal) -> None:

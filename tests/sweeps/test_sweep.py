@@ -249,3 +249,37 @@ def test_a_sweep_goes_on_with_no_map_and_with_no_later_version(tmp_path: Path) -
     path.write_bytes(path.read_bytes() + label)
     with pytest.raises(cb.InputError, match="has version 2 of contbranch-fit-map; must be at most 1"):
         cb.load(path)
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+@pytest.mark.parametrize("keep", ["thresholds", "curves"])
+def test_a_sweep_that_goes_on_keeps_what_it_has_kept(tmp_path: Path, keep: str, stopped: bool) -> None:
+    """The default is profiles here; with it nothing known would be used, and all computed again."""
+    path, films = tmp_path / "s.h5", [cb.Contact.reduced("maugis-dugdale", tabor=tabor) for tabor in (0.5, 1.0, 2.0)]
+
+    def two(_: float, told: str) -> None:
+        if told.startswith("2 of 3"):
+            raise cb.Stop
+
+    if stopped:
+        first = cb.sweep(films, path, AtOnce(), keep=keep, accuracy=1e-4, workers=1, progress=two)
+        assert (first.status, len(first.tasks), path.exists()) == ("incomplete", 2, False)
+    else:
+        cb.sweep(films[:2], path, AtOnce(), keep=keep, accuracy=1e-4)
+    found = cb.sweep(films, path, AtOnce(), resume=True, accuracy=1e-4)
+    assert (found.status, found.computed, found.reused) == ("complete", 1, 2)
+    if keep == "curves":
+        assert found.diagram(2).branches[0].load.size > 10
+    with pytest.raises(cb.InputError, match="keep"):
+        cb.sweep(films, path, AtOnce(), resume=True, accuracy=1e-4, keep="all")
+
+
+def test_what_had_less_time_is_computed_again_where_what_failed_is(tmp_path: Path) -> None:
+    path = tmp_path / "s.h5"
+    with ThreadPoolExecutor(1) as executor:
+        first = cb.sweep([FILM], path, executor, task_limit=1e-3)
+        assert [one.status for one in first.tasks] == ["incomplete"]
+        for limit, retry, computed in ((100.0, False, 0), (5e-4, True, 0), (100.0, True, 1), (200.0, True, 0)):
+            found = cb.sweep([FILM], path, executor, resume=True, retry=retry, task_limit=limit)
+            assert found.computed == computed
+    assert [one.status for one in found.tasks] == ["complete"]
