@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from contbranch.arrays import Array, Indices
+from contbranch.arrays import AnyArray, Array, Indices
 from contbranch.continuation.problem import Direction
 
 # Below this size a dense factorisation costs less than setting up a sparse one (measured on tridiagonal matrices:
@@ -96,9 +96,12 @@ class SparseBordered(Bordered):
         if not csc.has_canonical_format:
             csc = csc.copy()  # the caller's own stays as it is
             csc.sum_duplicates()
-        # The dense row and column go last, where they fill nothing, behind an order found once for J's pattern.
-        self._order = _order(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
-        matrix = bordered_matrix(csc[self._order][:, self._order], b[self._order], c[self._order], d)
+        frame = _frame(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
+        self._order = order = frame.order
+        data = np.empty(frame.rows.size)
+        data[frame.places] = csc.data[frame.source]
+        data[frame.starts[1:-1] - 1], data[frame.starts[-2] : -1], data[-1] = c[order], b[order], d
+        matrix = scipy.sparse.csc_array((data, frame.rows, frame.starts), shape=(self._n + 1, self._n + 1))
         try:
             self._lu: Any = scipy.sparse.linalg.splu(matrix, permc_spec="NATURAL")
         except RuntimeError as error:
@@ -124,16 +127,37 @@ class SparseBordered(Bordered):
         return -1 if (negative + _parity(self._lu.perm_r) + _parity(self._lu.perm_c)) % 2 else 1
 
 
+class _Frame(NamedTuple):
+    """Where the values of a bordered matrix are, by columns: an order of J's rows and columns, then c below, b beside.
+
+    The dense row and column go last, where they fill nothing, behind an order found once for J's pattern.
+    """
+
+    order: Indices
+    starts: AnyArray  # of 32 bits, as are rows
+    rows: AnyArray
+    places: Indices  # of J's values ...
+    source: Indices  # ... in their order here
+
+
 @lru_cache(maxsize=4)
-def _order(n: int, starts: bytes, rows: bytes) -> Indices:
-    """Return the order of minimum degree for a pattern (of AᵀA + A, which suits the meshes of discretisations).
+def _frame(n: int, starts: bytes, rows: bytes) -> _Frame:
+    """The frame for a pattern of J, in the order of minimum degree of Jᵀ + J, which suits meshes.
 
     The factorisation that finds it is that of a dominant diagonal, so that it does not pivot.
     """
     indptr, indices = np.frombuffer(starts, dtype=np.int32), np.frombuffer(rows, dtype=np.int32)
     pattern = scipy.sparse.csc_array((np.full(indices.size, 1e-3), indices, indptr), shape=(n, n))
-    matrix = scipy.sparse.csc_array(pattern + scipy.sparse.eye_array(n) * n)
-    return np.argsort(scipy.sparse.linalg.splu(matrix, permc_spec="MMD_AT_PLUS_A").perm_c)
+    dominant = scipy.sparse.csc_array(pattern + scipy.sparse.eye_array(n) * n)
+    order = np.argsort(scipy.sparse.linalg.splu(dominant, permc_spec="MMD_AT_PLUS_A").perm_c)
+    numbered = scipy.sparse.csc_array((np.arange(indices.size), indices, indptr), shape=(n, n))[order][:, order]
+    numbered.sort_indices()
+    places = np.arange(indices.size) + np.repeat(np.arange(n), np.diff(numbered.indptr))
+    below = numbered.indptr + np.arange(n + 1)
+    found = np.full(indices.size + 2 * n + 1, n, dtype=np.int32)
+    found[places] = numbered.indices
+    found[below[-1] :] = np.arange(n + 1)
+    return _Frame(order, np.append(below, found.size).astype(np.int32), found, places, numbered.data)
 
 
 def _parity(permutation: Any) -> int:

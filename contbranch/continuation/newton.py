@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, factorise
+from contbranch.continuation.bordered import Bordered, SingularBorderedError, SparseBordered, factorise
 from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.options import Options
@@ -153,7 +153,7 @@ def correct(
     contraction = 0.0
     worst = 0.0
     slow = False
-    polishes = (precise or x.size >= LARGE) and type(problem).product is not Problem.product
+    polishes = (precise or x.size >= LARGE) and _multiplies(problem, bordered)
     kept = polishes and bordered is not None
     share = 1.0 if precise else KEPT
     trusted = 1.0  # contraction from which on a matrix is kept
@@ -163,6 +163,7 @@ def correct(
         else:
             at = linearise(problem, x, p)
             left, bordered = at[0], border(problem, x, p, at, row)
+            polishes = (precise or x.size >= LARGE) and _multiplies(problem, bordered)
         dx, dp = solve(bordered, -left, 0.0, p)
         size = metric.norm(problem, dx, dp)
         grows = iteration == 2 and noise < size < SMALL  # if at all: what is soft, see SMALL
@@ -204,6 +205,11 @@ def correct(
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 
+def _multiplies(problem: Problem, bordered: Bordered | None) -> bool:
+    """Whether a product with the Jacobian costs little beside its factorisation."""
+    return type(problem).product is not Problem.product or isinstance(bordered, SparseBordered)
+
+
 def _refined(
     problem: Problem,
     row: Direction,
@@ -219,8 +225,7 @@ def _refined(
     metric, share = fine
     with evaluating(p):
         product, slope = problem.product(x, p), problem.parameter_derivative(x, p)
-    for _ in range(POLISHINGS if product else 0):
-        assert product is not None
+    for _ in range(POLISHINGS):
         du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
         u, a = u + du, a + da
         if metric.norm(problem, du, da) <= share * metric.norm(problem, u, a):

@@ -125,13 +125,14 @@ class Problem(ABC):
         """Return a size of states, changes far below which do not shorten steps from here."""
         return 0.0
 
-    def product(self, x: Array, p: float) -> Callable[[Array], Array] | None:
+    def product(self, x: Array, p: float) -> Callable[[Array], Array]:
         """Return what multiplies a vector by dF/dx at little cost, and with as small rounding errors as that allows.
 
-        Default: None. With it accurate points and tangents need no factorisation of their own: the one of a point next
-        to them serves, see `delicate`.
+        With it, or with a sparse Jacobian, accurate points and tangents need no factorisation of their own: the one of
+        a point next to them serves, see `delicate`. Default: the Jacobian.
         """
-        return None
+        jacobian = self.jacobian(x, p)
+        return lambda vector: jacobian @ vector
 
     def second_derivative(self, x: Array, p: float, u: Array, a: float) -> Array | None:
         """Return the second derivative of F along (u, a), d²F(x + s u, p + s a)/ds² at s = 0, shape (n,).

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+import scipy.sparse.linalg
 from continuation_problems import Bratu
 
 from contbranch.continuation import Options, trace_curve
@@ -98,3 +99,22 @@ def test_null_vector_annihilates_and_curvature_is_that_of_the_curve():
     # d²p/dα² = -ψ·F_xx φφ / ψ·F_p with the left null vector ψ = φ (the Jacobian is symmetric) and F_xx = λ eᵘ.
     phi, e = fold.null_vector, np.exp(fold.x)
     assert fold.curvature == pytest.approx(-(phi**3 @ e) * fold.parameter / (phi @ e), rel=1e-5)
+
+
+def test_a_sparse_matrix_serves_the_corrections_next_to_its_own(monkeypatch):
+    """Residuals and products cost little beside it; points and tangents are what their own matrices say."""
+    made, factorise = [], scipy.sparse.linalg.splu
+    monkeypatch.setattr(scipy.sparse.linalg, "splu", lambda *what, **how: made.append(1) or factorise(*what, **how))
+    problem = Bratu(300)
+    curve = trace_curve(problem, np.zeros(300), 0.0, (0.0, 4.0))
+    assert len(made) < 4 * len(curve.points)
+    for point in curve.points:
+        x, p, tangent = point.x, point.parameter, np.append(point.tangent_x, point.tangent_parameter)
+        matrix = np.vstack(
+            [np.column_stack([problem.jacobian(x, p).toarray(), np.exp(x)]), tangent / (tangent @ tangent)]
+        )
+        error, own = np.linalg.solve(
+            matrix, np.column_stack([np.append(problem.residual(x, p), 0.0), np.eye(301)[-1]])
+        ).T
+        assert np.linalg.norm(error) < 1e-7 * np.linalg.norm(np.append(x, 1.0))
+        assert np.linalg.norm(own - tangent) < 1e-4 * np.linalg.norm(tangent)
