@@ -14,6 +14,15 @@ class Parabolic(cb.Interaction):
         return u * u, -2.0 / 3.0 * u, 2.0 / 9.0 * (u > 0.0)
 
 
+class Hat(cb.Interaction):
+    """A pressure that grows linearly up to x = 1 and falls to zero at x = 2."""
+
+    def shape(self, x):
+        near, rest = x < 1, np.maximum(2 - x, 0.0)
+        bends = np.where(near, -1.0, np.where(x < 2, 1.0, 0.0))
+        return np.where(near, 1 - x * x / 2, rest**2 / 2), np.where(near, -x, -rest), bends
+
+
 CONTACTS = {
     # The film comes to the edge of the tip: there were three pull-offs where there is one.
     "at the edge of a cap": cb.Contact(cb.SphericalCap(2.12), Parabolic(1.0, 0.34) + cb.Gauss(-0.144, 0.51)),
@@ -54,3 +63,13 @@ def test_a_loop_whose_film_reaches_the_edge_from_its_first_row():
     assert [jump.name for jump in loop.jumps] == ["squeeze-out", "pull-off"]
     for jump, fold in zip(loop.jumps, folds, strict=True):
         assert abs(jump.start.load - fold.load) < 1e-4
+
+
+def test_a_film_that_is_thinnest_on_a_ring_passes_a_kink_twice():
+    """Nodes that the inner place passed gave the load folds of the mesh's own."""
+    diagram = cb.trace(cb.Contact(cb.SphericalCap(1.8), Hat(-1.0, 0.9)), accuracy=1e-4, modes=0)
+    assert diagram.status == "complete"
+    for control in ("load", "displacement"):
+        folds = diagram.folds(control)
+        assert [fold.name for fold in folds] == ["squeeze-out", "wetting"]
+        assert max(fold.error[control] for fold in folds) < 1e-4

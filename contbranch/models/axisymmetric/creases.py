@@ -24,7 +24,8 @@ from .equations import Fields
 from .mesh import Mesh
 
 __all__ = [
-    "MOST", "SHARE", "SHORTER", "STAYS", "Crease", "apart", "creases_of", "crossing", "joined", "kink_of", "located",
+    "MOST", "SHARE", "SHORTER", "STAYS", "Crease", "apart", "creases_of", "crossings", "joined", "kinks_of",
+    "located",
     "moved_with", "shortened", "velocities",
 ]  # fmt: skip
 
@@ -38,9 +39,10 @@ AROUND, SHARE = 3.0, 0.35
 SHORTER, SHORTEST = 0.4, 0.2
 # Creases that are followed; steps of Newton's method by which they are located.
 MOST, NEWTON = 6, 3
-# The key of a law's first kink, below which are those of others; other edges of panels are at least this share of its
-# distance away from one, and one edge is at no more than the second. A kink that has counted does so down to this share
-# of the distance from which on others do: its mesh, which may end there, must not end within it.
+# The key of the outermost place of a law's first kink, below which are those of others, and of places farther in; other
+# edges of panels are at least this share of its distance away from one, and one edge is at no more than the second. A
+# kink that has counted does so down to this share of the distance from which on others do: its mesh, which may end
+# there, must not end within it.
 KINK, NEXT, INNERMOST, STAYS = -1, 1e-3, 0.5, 0.3
 # It moves undeformed with what is at least this share of its distance around it, up to the mesh's end.
 LAST = 1e-4
@@ -97,7 +99,9 @@ class Crease:
         nodes, row = mesh.row(self.place)
         if self.order:
             row = row @ mesh.rule.derivative / mesh.half[nodes.start // mesh.order]
-        value = kinks[KINK - self.key] if self.kink else self.value  # a neighbouring law's may be another
+        value = (
+            kinks[(KINK - self.key) % len(kinks)] if self.kink else self.value
+        )  # a neighbouring law's may be another
         return nodes, row / self.slope, value / self.slope
 
 
@@ -191,36 +195,40 @@ def creases_of(
     return apart(chosen[:MOST])
 
 
-def crossing(mesh: Mesh, fields: Fields, value: float) -> tuple[float, float] | None:
-    """The outermost place at which the gap rises through a value, as two nodes tell it, and its slope; None without.
+def crossings(mesh: Mesh, fields: Fields, value: float) -> dict[int, tuple[float, float]]:
+    """Places at which the gap passes a value, as two nodes tell them, with its slopes there: infinite where a tip ends.
 
-    That is infinite where a tip ends between them.
+    By their numbers from outside: at even ones it rises outwards, at odd ones it falls. Where the mesh ends below the
+    value there is no first one.
     """
     nodes, gap = np.append(0.0, mesh.nodes), np.append(max(0.0, -fields.y), fields.gap)
-    inside = np.flatnonzero(gap < value)
-    if not inside.size or inside[-1] == mesh.size:
-        return None
-    ends = slice(inside[-1], inside[-1] + 2)
-    place = math.sqrt(float(np.interp(value, gap[ends], nodes[ends] ** 2)))
-    return place, float(np.diff(gap[ends])[0] / np.diff(nodes[ends])[0])
+    above = gap >= value
+    found = {}
+    for number, k in enumerate(np.flatnonzero(above[1:] != above[:-1])[::-1], int(not above[-1])):
+        ends = slice(k, k + 2) if above[k + 1] else slice(k + 1, k - 1 if k else None, -1)
+        place = math.sqrt(float(np.interp(value, gap[ends], nodes[ends] ** 2)))
+        found[number] = place, float(np.diff(gap[ends])[0] / np.diff(nodes[ends])[0])
+    return found
 
 
-def kink_of(
+def kinks_of(
     mesh: Mesh, fields: Fields, kinks: Sequence[float], k: int, least: float, followed: Sequence[Crease]
-) -> Crease | None:
-    """What moves with the place where the gap is that of one of a law's kinks, without its weight; None without.
+) -> Iterator[Crease]:
+    """What moves with the places where the gap is that of one of a law's kinks, without their weights.
 
-    It counts from a distance, `least`, and down to a share of that; one that is followed stays what it is.
+    They count from a distance, `least`, from the rim and from each other, and down to a share of that; those that are
+    followed stay what they are.
     """
-    found, known = crossing(mesh, fields, kinks[k]), [crease for crease in followed if crease.key == KINK - k]
-    if found is None or math.isinf(found[1]):
-        return None
-    place, slope = (known[0].place, known[0].slope) if known else found
-    room = SHARE * min(place - min(mesh.innermost, INNERMOST * place), mesh.end - place)
-    share = STAYS if known else 1.0
-    if not (place > share * least and room > share * LAST * place):
-        return None
-    return Crease(place, room, 0, kinks[k], slope, 0.0, KINK - k)
+    found, known = crossings(mesh, fields, kinks[k]), {crease.key: crease for crease in followed}
+    for number, (place, slope) in found.items():
+        away = min([place, *(abs(place - other) for own, (other, _) in found.items() if own != number)])
+        key = KINK - k - number * len(kinks)
+        if key in known:
+            place, slope = known[key].place, known[key].slope
+        room = SHARE * min(place - min(mesh.innermost, INNERMOST * place), mesh.end - place)
+        share = STAYS if key in known else 1.0
+        if away > share * least and room > share * LAST * place and math.isfinite(slope):
+            yield Crease(place, room, 0, kinks[k], slope, 0.0, key)
 
 
 def joined(edges: Array, creases: Sequence[Crease]) -> Array:

@@ -20,7 +20,7 @@ from contbranch.arrays import Array, magnitude
 from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
-from .creases import MOST, SHARE, STAYS, Crease, apart, crossing, kink_of
+from .creases import KINK, MOST, SHARE, STAYS, Crease, apart, crossings, kinks_of
 from .equations import Equations, Fields
 from .mesh import Mesh
 
@@ -264,15 +264,18 @@ def kinks(
         return ()
     least = [SEEN * equations.tip.radius_at(kink) for kink in equations.kinks[:MOST]]
     found = [
-        kink_of(equations.mesh, fields, equations.kinks, k, least[k], followed) for k in range(int(leads), len(least))
+        crease
+        for k, distance in enumerate(least)
+        for crease in kinks_of(equations.mesh, fields, equations.kinks, k, distance, followed)
+        if not (leads and crease.key == KINK)
     ]
-    return apart([crease for crease in found if crease], [_to_kink(seen)[0]] if leads else [])
+    return apart(found[:MOST], [_to_kink(seen)[0]] if leads else [])
 
 
 def _to_kink(seen: tuple[Equations, Fields]) -> tuple[float, float | None]:
     """Distance of the outermost kink from the rim, and the slope of the gap there; None if a mesh ends within it."""
     equations, fields = seen
-    found = crossing(equations.mesh, fields, equations.kink)
+    found = crossings(equations.mesh, fields, equations.kink).get(0)
     return found or (float(equations.mesh.nodes[fields.gap < equations.kink].max(initial=0.0)), None)
 
 
