@@ -70,6 +70,6 @@ def test_a_film_that_is_thinnest_on_a_ring_passes_a_kink_twice():
     diagram = cb.trace(cb.Contact(cb.SphericalCap(1.8), Hat(-1.0, 0.9)), accuracy=1e-4, modes=0)
     assert diagram.status == "complete"
     for control in ("load", "displacement"):
-        folds = diagram.folds(control)
+        folds = list(diagram.folds(control))
         assert [fold.name for fold in folds] == ["squeeze-out", "wetting"]
         assert max(fold.error[control] for fold in folds) < 1e-4
