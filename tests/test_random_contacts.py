@@ -6,6 +6,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import contbranch as cb
@@ -120,6 +121,26 @@ def test_two_meshes_may_agree_by_chance_on_a_table():
     touch = next(event for event in diagram.events if event.kind == "touch")
     assert touch.load >= fold.load - fold.error["load"] - touch.error["load"]
     assert touch.load - fold.load < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("rows", "heights", "law", "accuracy"),
+    [
+        (20, lambda r: 2 * (np.sqrt(1 + r * r / 4) - 1), cb.Exponential(-1.0, 0.3305528), 1e-8),
+        (30, lambda r: np.sqrt(1 + r * r) - 1, cb.Exponential(1.0, 1.1123987), 1e-7),
+        (30, lambda r: 2 * (np.sqrt(1 + r * r / 4) - 1), cb.Gauss(-1.0, 1.6869938), 1e-7),
+    ],
+)
+def test_two_meshes_may_agree_by_chance_under_a_table_of_heights(rows, heights, law, accuracy):
+    """Events against those asked for finer: 2 to 5 of their stated errors off, unless an agreement is confirmed."""
+    radii = np.linspace(0.0, 8.0, rows)
+    contact = cb.Contact(cb.Profile(tuple(radii.tolist()), tuple(heights(radii).tolist())), law)
+    diagram, finer = (cb.trace(contact, accuracy=share, modes=0) for share in (accuracy, 1e-10))
+    assert (diagram.status, finer.status) == ("complete", "complete")
+    for one, other in zip(diagram.events[:-1], finer.events[:-1], strict=True):  # all but the end, which goes with them
+        assert (one.kind, one.control) == (other.kind, other.control)
+        for name in ("load", "displacement"):
+            assert abs(getattr(one, name) - getattr(other, name)) <= one.error[name] + other.error[name]
 
 
 def test_draws_repeat_themselves():

@@ -35,8 +35,6 @@ ROUNDS, LARGEST = 7, 2200
 # A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
 # round-off.
 GAIN, WORSE = 0.3, 3.0
-# An error that comes down to this share of the one before may have done so by chance.
-ALL_AT_ONCE = 0.01
 # No better than this share of the best: more is halved, in the end all, of which nothing helps any more.
 LITTLE, IDLE = 0.7, (1.0, 0.1, 0.0)
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
@@ -431,8 +429,8 @@ def _best(
 
     The first one is the place's own if none is given.
 
-    Where two may agree by chance, and where higher order did not help, an agreement all at once counts as far as a
-    finer one than both confirms it.
+    Where two may agree by chance, and where higher order did not help, an agreement counts as far as a finer one than
+    both confirms it.
     """
     best: Found | None = None
     chance: Found | None = None
@@ -461,7 +459,7 @@ def _best(
             idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
-            if chance is None and error <= min(accuracy, ALL_AT_ONCE * last) and (rough or problem.pieced):
+            if chance is None and error <= accuracy and (rough or problem.pieced):
                 halved = problem.halved(place.point, 0.0)
                 place = _located(_carried(place, halved, event), event)
                 best, chance = None, found

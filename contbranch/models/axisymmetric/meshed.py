@@ -83,10 +83,10 @@ class MeshedContact(MovingContact):
 
     @property
     def pieced(self) -> bool:
-        """Whether the law is, or has a kink: where its pieces meet is no edge of panels, and rates that go with a mesh
-        that moves with a kink are rough where that has just begun to."""
+        """Whether the law is, or has a kink, or the tip is a table: where pieces meet is no edge of panels, and rates
+        that go with a mesh that moves with a kink are rough where that has just begun to."""
         law = self.equations.interaction
-        return law is not None and (law.pieced or self.kinked)
+        return law is not None and (law.pieced or self.kinked or math.isfinite(self.equations.tip.table_end))
 
     def resolved(self, x: Array, p: float, tolerance: float, most: float = math.inf) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as some rounds, or `most` unknowns, do, and the

@@ -57,8 +57,9 @@ class RingProblem(RingEquations):
 
     @property
     def pieced(self) -> bool:
-        """Whether the law is: where its pieces meet is no end of panels."""
-        return self.law.interaction is not None and self.law.interaction.pieced
+        """Whether the law is, or the tip is a table: where pieces meet is no end of panels."""
+        law = self.law.interaction
+        return law is not None and (law.pieced or math.isfinite(self.tip.table_end))
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def start(self, control: Control) -> Point:
