@@ -24,9 +24,8 @@ from .equations import Fields
 from .mesh import Mesh
 
 __all__ = [
-    "MOST", "SHARE", "SHORTER", "STAYS", "Crease", "apart", "creases_of", "crossings", "joined", "kinks_of",
-    "located",
-    "moved_with", "shortened", "velocities",
+    "KINK", "MOST", "SHARE", "SHORTER", "STAYS", "Crease", "apart", "creases_of", "crossings", "joined", "kinks_of",
+    "located", "moved_with", "shortened", "velocities",
 ]  # fmt: skip
 
 # A crease is narrower than its distance from the rim by the first factor, and changes the pressure by the second
@@ -99,9 +98,8 @@ class Crease:
         nodes, row = mesh.row(self.place)
         if self.order:
             row = row @ mesh.rule.derivative / mesh.half[nodes.start // mesh.order]
-        value = (
-            kinks[(KINK - self.key) % len(kinks)] if self.kink else self.value
-        )  # a neighbouring law's may be another
+        # A neighbouring law's may be another.
+        value = kinks[(KINK - self.key) % len(kinks)] if self.kink else self.value
         return nodes, row / self.slope, value / self.slope
 
 
