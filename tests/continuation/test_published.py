@@ -208,7 +208,8 @@ def test_gelfand_with_neumann_conditions():
     height = 1 + math.pi**2
     assert point.x == pytest.approx(np.full(24, height), abs=1e-7)
     assert point.parameter == pytest.approx(height * math.exp(-height), rel=1e-9)
-    (branch,) = switch_branch(curve, point, (0.0, 1.0))
+    (branch,) = switch_branch(curve, point, (1e-8, 1.0))
+    assert list(branch.parameter[[0, -1]]) == [1e-8, 1e-8]
     # Of the two halves one is the other's mirror image.
     assert branch.x[0] == pytest.approx(branch.x[-1][::-1], rel=1e-4)
 

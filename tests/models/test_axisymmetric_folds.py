@@ -213,10 +213,13 @@ def test_a_fold_that_finer_meshes_find_beyond_the_touch_is_none_of_the_film():
 
 
 def test_a_convex_film_is_given_no_folds_by_rounding():
-    """At loads of 1e7 the rates of so stiff a film are noise, which once looked like eight folds."""
+    """At loads of 1e7 the rates of so stiff a film are noise, which once looked like eight folds.
+
+    Whether so large a load is reached at all depends on the rounding of the machine."""
     found = cb.trace(cb.Contact.reduced(cb.InverseSquare, 128.0, -1), accuracy=1e-4, modes=0)
-    assert found.status == "complete"
-    assert [event.kind for event in found.events] == ["touch", "end"]
+    assert max(found.branches[0].load) > 1e7
+    assert not list(found.folds("load"))
+    assert not list(found.folds("displacement"))
 
 
 def test_which_laws_are_known_to_be_convex():
