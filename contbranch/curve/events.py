@@ -124,14 +124,15 @@ class Reached(Event):
     relative_resolution: ClassVar[float] = 1e-9
 
     def value(self, point: Point) -> float:
-        """What is controlled minus its target."""
+        """What is controlled minus its target, next to the target: in between squares of radii, which grow evenly."""
         values = values_of(point)
         if self.control is None:
-            return values.contact_radius - self.target
+            away = values.contact_radius - self.target
+            return away * (values.contact_radius + self.target) / (2.0 * self.target) if self.target else away
         return self.control.weighted(values.load, values.displacement) - self.target
 
     def rate(self, rates: Rates) -> float:
-        """The derivative of the value where the observables have these."""
+        """The derivative of the value next to the target where the observables have these."""
         return rates.contact_radius if self.control is None else self.control.weighted(rates.load, rates.displacement)
 
     def left_out(self, point: Point) -> float:
@@ -161,9 +162,7 @@ class Ceiling(Event):
 
     def value(self, point: Point) -> float:
         """What is controlled minus its target."""
-        own = point.observables
-        if not own:
-            return Reached(self.control, self.target).value(point)
+        own = point.observables or values_of(point)._asdict()
         if self.control is None:
             return own["contact_radius"] - self.target
         return self.control.weighted(own["load"], own["displacement"]) - self.target

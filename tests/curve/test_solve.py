@@ -36,6 +36,19 @@ def test_next_to_first_touch_errors_say_on_which_side_a_state_may_be(law, accura
             assert state.contact_radius == pytest.approx(wanted.contact_radius, rel=0.1)
 
 
+@pytest.mark.parametrize("law", [cb.Exponential(1.0, 0.5), cb.Gauss(-1.0, 0.7)])
+def test_the_smallest_contacts_have_the_loads_of_their_radii(law):
+    """Next to first touch the load changes with the contact's area: whatever the rounding of the first row's place."""
+    contact = cb.Contact(cb.Parabola(1.0), law)
+    (touch,) = (event for event in cb.trace(contact, accuracy=1e-12, modes=0).events if event.kind == "touch")
+    (larger,) = cb.solve(contact, contact_radius=1e-4, accuracy=1e-12).states
+    for radius in 10.0 ** -np.arange(5.0, 7.1, 0.25):
+        (state,) = cb.solve(contact, contact_radius=radius, accuracy=1e-12).states
+        change = (larger.load - touch.load) * radius**2 / 1e-8
+        error = state.error["load"] + touch.error["load"] + 0.01 * abs(change)
+        assert state.load - touch.load == pytest.approx(change, abs=2 * error)
+
+
 def test_errors_beyond_the_accuracy_are_told():
     contact = cb.Contact.reduced("van-der-waals", 1.0, -1)
     folds = cb.trace(contact, accuracy=1e-12, max_load=12.0, modes=0).events
