@@ -24,6 +24,7 @@ from contbranch.models.axisymmetric.problem import ContactProblem
 
 ATTRACTION = cb.Contact.reduced(cb.Exponential, tabor=4.0)
 REPULSION = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
+STIFF = cb.Contact.reduced(cb.VanDerWaals, tabor=64.0, sign=-1)
 MODELS: dict[str, tuple[cb.Contact, Any]] = {
     "exact": (cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0), "exact"),
     "axisymmetric": (REPULSION, "axisymmetric"),
@@ -170,7 +171,7 @@ def test_an_interrupt_between_two_calls_is_kept_too() -> None:
         before = signal.signal(signal.SIGALRM, signal.default_int_handler)
         try:
             with pytest.raises(KeyboardInterrupt) as caught:
-                cb.trace(ATTRACTION, accuracy=1e-10)
+                cb.trace(STIFF, accuracy=1e-8)  # no machine is done with it as soon
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, before)
