@@ -429,8 +429,11 @@ class ContactProblem(MeshedContact):
         return self._grown(max(BELOW * self.answer(x), self._clear(x)))
 
     def _settled(self, x: Array, p: float) -> bool:
-        """Whether Newton's method has found a solution."""
-        off = magnitude(self.residual(x, p))
+        """Whether Newton's method has found a solution: on the mesh, too, whose front may have left it."""
+        try:
+            off = magnitude(self.residual(x, p))
+        except UnresolvedError:
+            return False
         return off <= SETTLED * magnitude(x) and not self.lost(x, p)
 
     def _open(self, x: Array, p: float) -> bool:
