@@ -207,12 +207,18 @@ class _Line:
         return replace(point, parameter=p) if self.upright else point
 
     def towards(self, place: float, step: float, near: Point) -> tuple[float, Point]:
-        """A step from a point of known coordinate, shorter where the curve is not found there, and its end."""
+        """A step from a point of known coordinate, shorter where the curve is not found there, and its end.
+
+        Nor is it where what is found lies beyond a turn of the parameter, on the way back.
+        """
         for _ in range(RETREATS):
             try:
-                return step, self.at(place + step, near, place)
+                point = self.at(place + step, near, place)
+                if self.metric.dot(self.problem, point.tangent_x, point.tangent_parameter, *self.direction) > 0.0:
+                    return step, point
             except CorrectionError:
-                step *= RETREAT
+                pass
+            step *= RETREAT
         return step, self.at(place + step, near, place)
 
     def rates(self, point: Point) -> Rates:

@@ -351,3 +351,15 @@ def test_losses_of_symmetry_deep_in_a_snake_are_counted_and_not_located():
     for event in events:
         row = int(event.position)
         assert branch.unstable_displacement[row : row + 2].max() <= 2
+
+
+def test_losses_of_symmetry_next_to_a_turn_of_the_parameter_are_those_of_this_side_of_it():
+    """Modes give way one after the other where the central gap all but turns back: the same gap has two states."""
+    law = cb.InverseSquare(0.218, 0.05410998457823476) + cb.Exponential(-0.782, 0.05567917413100356)
+    contact = cb.Contact(cb.SphericalCap(17.562), law, 3.0)
+    diagram = cb.trace(contact, "displacement", accuracy=1e-5)
+    events = broken(diagram.events)
+    assert diagram.status == "complete", diagram.message
+    assert [event.mode for event in events] == [*range(1, 33)]
+    loads, error = [event.load for event in events], max(event.error["load"] for event in events)
+    assert max(np.diff(loads)) < 2 * error < 1e-2
