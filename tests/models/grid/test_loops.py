@@ -89,3 +89,13 @@ def test_events_on_grids_cannot_be_followed() -> None:
     contact = cb.Contact(tip=rough, interaction=cb.Gauss(work_of_adhesion=-1.0, range=0.3), modulus=1.0)
     with pytest.raises(cb.InputError, match="contact: its tip needs a grid"):
         cb.phase_diagram(contact, vary="tabor", between=(0.5, 1.0))
+
+
+def test_a_soft_spring_is_held_as_exactly_as_a_load() -> None:
+    """What the linear solver leaves of a soft spring's equation goes into the load: as way of the tip it would be far
+    from the wall, and Newton's method found no state between two rows."""
+    contact = cb.Contact.reduced(cb.Gauss, tabor=0.7)
+    loop = cb.hysteresis(contact, control="spring:1e-4", model=cb.FreeSpace(cell=9.0, grid=48), accuracy=1e-4)
+    assert (loop.status, [jump.name for jump in loop.jumps]) == ("complete", ["jump-in", "pull-off"])
+    pull_off = loop.jumps[1]
+    assert pull_off.dissipated == pytest.approx(pull_off.start.load**2 / 2e-4, rel=1e-3)  # the spring's energy
