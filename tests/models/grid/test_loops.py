@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.control import DISPLACEMENT
+from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
 from contbranch.models.grid import LatticeCurves
@@ -99,3 +101,26 @@ def test_a_soft_spring_is_held_as_exactly_as_a_load() -> None:
     assert (loop.status, [jump.name for jump in loop.jumps]) == ("complete", ["jump-in", "pull-off"])
     pull_off = loop.jumps[1]
     assert pull_off.dissipated == pytest.approx(pull_off.start.load**2 / 2e-4, rel=1e-3)  # the spring's energy
+
+
+def test_folds_of_a_spring_and_of_the_load_in_one_state_end_a_stable_part() -> None:
+    """The rows of both are equal: between them the curve does not go on, and does not rest either."""
+    columns = {
+        "load": [2.0, 1.0, 1.0, 2.0],
+        "displacement": [0.0, 1.0, 1.0, 2.0],
+        "contact_radius": [1.0, 2.0, 2.0, 3.0],
+        "central_gap": [0.0] * 4,
+    }
+
+    def walk(columns):
+        track = SimpleNamespace(
+            column=lambda name: np.array(columns[name]),
+            controlled=lambda _: np.array(columns["load"]),
+            hodograph=SimpleNamespace(pieces=lambda _: (np.array([1, 0, 0]), np.array([-1, 1, 1]))),
+            problem=lambda _: SimpleNamespace(given=True),
+        )
+        return CurveWalk(track, (), LOAD, 1e-6)
+
+    assert walk(columns).unstable.tolist() == [1, 0, 0]
+    resting = {**columns, "displacement": [0.0, 1.0, 1.5, 2.0]}
+    assert walk(resting).unstable.tolist() == [1, 1, 0]
