@@ -124,3 +124,16 @@ def test_folds_of_a_spring_and_of_the_load_in_one_state_end_a_stable_part() -> N
     assert walk(columns).unstable.tolist() == [1, 0, 0]
     resting = {**columns, "displacement": [0.0, 1.0, 1.5, 2.0]}
     assert walk(resting).unstable.tolist() == [1, 1, 0]
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_surfaces_all_at_the_wall_are_told_by_their_load() -> None:
+    """Their displacements are the same; the loop asks for the state at zero load between two of them."""
+    tip = cb.HeightMap.self_affine(16, cell=10.0, hurst=0.8, rms_slope=0.1, seed=3)
+    contact = cb.Contact(tip, cb.Exponential(work_of_adhesion=0.1, range=0.6))
+    branch = cb.trace(contact, max_load=1.0).branches[0]
+    full = branch.contact_radius == branch.contact_radius[-1]
+    assert full.sum() > 1
+    assert np.all(np.diff(branch.load[full]) != 0.0)
+    loop = cb.hysteresis(contact, max_load=1.0)
+    assert (loop.status, loop.path.load[0]) == ("complete", pytest.approx(0.0, abs=1e-9))
