@@ -377,6 +377,17 @@ def test_a_fit_can_be_stopped_and_wrong_names_are_refused(curve):
         cb.fit(curve, ellipse)
 
 
+def test_the_command_frees_the_modulus_of_a_contact_without_law(tmp_path, capsys):
+    data, file = tmp_path / "curve.csv", tmp_path / "c.toml"
+    depth = np.linspace(-50.0, 100.0, 150)
+    load = 4 / 3 * 0.01 * np.sqrt(1000.0) * np.clip(depth, 0.0, None) ** 1.5 + 1e-3 * NOISE[:150]
+    rows = [f"{z},{f}" for z, f in zip(depth + load / 5.0, load, strict=True)]
+    data.write_text("\n".join(["piezo [nm],force [nN]", *rows]))
+    file.write_text('[tip]\nshape = "parabola"\nradius = "1 um"\n[material]\nmodulus = "50 MPa"\n')
+    assert main(["fit", str(data), str(file), "--spring", "5 N/m", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["values"]["modulus"] == pytest.approx(0.01, rel=0.01)
+
+
 def test_the_command_writes_json_csv_and_a_figure(tmp_path, curve, capsys):
     data, file = tmp_path / "curve.csv", tmp_path / "c.toml"
     words = np.where(curve.retract, "retract", "approach")

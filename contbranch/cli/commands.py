@@ -48,7 +48,10 @@ _OPTIONS = {
     "--event": ("NAME", "Name of a fold under --control, or touch."),
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
     "--uncertainty": ("NAME=X", "Of a parameter: adds those of the thresholds; may be given several times."),
-    "--free": ("NAMES", "What is fitted, such as work_of_adhesion,modulus,range (the default: the first two)."),
+    "--free": (
+        "NAMES",
+        "What is fitted, such as work_of_adhesion,modulus,range (default: the first two; modulus without law).",
+    ),
     "--fixed": ("NAMES", "Which of contact_point, baseline and tilt are held at 0."),
     "--spring": ("K", "Stiffness of the cantilever, such as '0.5 N/m', in place of the curve's."),
     "--law": ("NAME", "Another law than the contact's; jkr, dmt, or compare."),
@@ -235,7 +238,7 @@ def _fit(asked: Values) -> Any:
     from contbranch.measure.reading import Unread, curves_in
 
     contact, _ = read_contact(asked.contact)
-    how: dict[str, Any] = {"free": asked.free or "work_of_adhesion,modulus"}
+    how: dict[str, Any] = {"free": asked.free or ("work_of_adhesion,modulus" if contact.interaction else "modulus")}
     how |= {"fixed": asked.fixed or "", "law": asked.law}
     folder = Path(asked.source).is_dir()
     curves: list[Any] = [] if folder else list(curves_in(asked.source, asked.spring))

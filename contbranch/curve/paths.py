@@ -82,9 +82,14 @@ class CurveWalk:
 
     @cached_property
     def unstable(self) -> Integers:
-        """Morse index under the control on the pieces; where it rests, it holds nothing."""
+        """Morse index under the control on the pieces; where it rests while the curve goes on, it holds nothing.
+
+        Folds of several controls may be one state: between their rows the curve does not go on.
+        """
         index = self.track.hodograph.pieces(self.control)[0]
-        return np.where(np.diff(self.values) == 0.0, np.maximum(index, 1), index)
+        columns = [self.track.column(name) for name in ("load", "displacement", "contact_radius", "central_gap")]
+        goes_on = np.any(np.diff(columns) != 0.0, axis=0)
+        return np.where((np.diff(self.values) == 0.0) & goes_on, np.maximum(index, 1), index)
 
     @cached_property
     def rising(self) -> Integers:

@@ -154,7 +154,35 @@ def varied(contact: Contact, vary: Mapping[str, Sequence[Any]], mode: str = "gri
     if mode == "zip" and len(set(counts.values())) > 1:
         told = ", ".join(f"{name} {count}" for name, count in counts.items())
         raise InputError(f"vary: lists of different lengths ({told}); mode zip takes one value of each at a time")
-    return Design(contact, axes, mode)  # type: ignore[arg-type]  # one of the two
+    design = Design(contact, axes, mode)  # type: ignore[arg-type]  # one of the two
+    for index in (0, len(design) - 1):
+        _refuse_overwritten(contact, design.parameters(index))
+    return design
+
+
+def _refuse_overwritten(contact: Contact, values: Mapping[str, float]) -> None:
+    """Refuse parameters that one set after them changes, as a work of adhesion does the Tabor coefficient."""
+    names = list(values)
+    for k, name in enumerate(names):
+        try:
+            contact = member(contact, {name: values[name]})
+        except InputError:
+            if not k:
+                raise
+            raise InputError(
+                f"vary: {name} cannot be set once {names[k - 1]} is {values[names[k - 1]]:g}; name it before that"
+            ) from None
+    for name, value in values.items():
+        try:
+            present = family_of(contact, name, value).start
+        except InputError:  # of a law that has no share any more
+            continue
+        if not math.isclose(present, value, rel_tol=1e-9, abs_tol=1e-12):
+            later = ", ".join(names[names.index(name) + 1 :])
+            raise InputError(
+                f"vary: {name} is {present:g} and no longer {value:g} once {later} is set after it; change the order, "
+                "or leave one out"
+            )
 
 
 def read_sweep(path: str | Path) -> tuple[Design, dict[str, Any]]:

@@ -227,6 +227,22 @@ def test_contacts_that_cannot_be_told_apart_or_compared_are_refused(tmp_path: Pa
             cb.varied(cb.Contact.reduced("gauss"), {name: [1.0, 2.0] for name in names})
 
 
+def test_a_parameter_that_a_later_one_changes_is_refused() -> None:
+    """The file would give a contact a Tabor coefficient that it does not have."""
+    single = cb.Contact.reduced("exponential", tabor=1.0)
+    vary = {"tabor": [1.0, 2.0], "interaction.work_of_adhesion": [1.0, 2.0]}
+    with pytest.raises(cb.InputError, match=r"tabor is 3\.1748 and no longer 2 once interaction\.work_of_adhesion"):
+        cb.varied(single, vary)
+    turned = cb.varied(single, dict(reversed(vary.items())))
+    assert [one.tabor for one in turned] == pytest.approx([1.0, 2.0, 1.0, 2.0])
+    laws = [law(work_of_adhesion=-0.5, range=1.0) for law in (cb.Exponential, cb.Gauss)]
+    both = cb.Contact(cb.Parabola(1.0), sum(laws[1:], laws[0]))
+    vary = {"share": [0.0, 0.5, 1.0], "interaction[1].range": [0.5, 1.0]}
+    with pytest.raises(cb.InputError, match="range cannot be set once share is 0; name it before"):
+        cb.varied(both, vary)
+    assert len(cb.varied(both, dict(reversed(vary.items())))) == 6
+
+
 def test_springs_that_print_alike_have_results_of_their_own() -> None:
     contact = cb.Contact.reduced("gauss")
     one, other = (key_of(contact, Tracing(cb.Spring(stiffness))) for stiffness in (0.12345671, 0.12345672))

@@ -138,8 +138,11 @@ class LatticeProblem(EquilibriumProblem):
 
     # -- states -------------------------------------------------------------------------------------------------------
     def state(self, x: Array, p: float) -> Equilibrium:
-        """The equilibrium of a point with all its fields; one pair of transforms unless it was asked for lately."""
-        known = next((state for other, state in self._recent if np.array_equal(other, x)), None)
+        """The equilibrium of a point with all its fields; one pair of transforms unless it was asked for lately.
+
+        Surfaces that are all at the wall differ in their load alone.
+        """
+        known = next((state for other, state in self._recent if state.load == p and np.array_equal(other, x)), None)
         if known is not None:
             return known
         u = x.reshape(self.nodes.shape)

@@ -192,7 +192,12 @@ class Linear:
             y += (wanted - load) / problem.lattice.area
             load = wanted
         elif isinstance(row, float):
-            change += (g - weight * load - row * float(change.sum())) / (row * change.size)
+            missed = g - weight * load - row * float(change.sum())
+            if weight > 2.0 * problem.lattice.compliance:  # a soft spring: little pressure, but a long way
+                y += missed / (weight * problem.lattice.area)
+                load += missed / weight
+            else:
+                change += missed / (row * change.size)
         if near is not None:
             change, load, y = change + near.field, load + near.load, y + near.pressure
         return Change(change, load, y, left / size if size > 0.0 else 0.0)

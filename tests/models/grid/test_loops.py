@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.control import DISPLACEMENT
+from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
 from contbranch.models.grid import LatticeCurves
@@ -89,3 +91,49 @@ def test_events_on_grids_cannot_be_followed() -> None:
     contact = cb.Contact(tip=rough, interaction=cb.Gauss(work_of_adhesion=-1.0, range=0.3), modulus=1.0)
     with pytest.raises(cb.InputError, match="contact: its tip needs a grid"):
         cb.phase_diagram(contact, vary="tabor", between=(0.5, 1.0))
+
+
+def test_a_soft_spring_is_held_as_exactly_as_a_load() -> None:
+    """What the linear solver leaves of a soft spring's equation goes into the load: as way of the tip it would be far
+    from the wall, and Newton's method found no state between two rows."""
+    contact = cb.Contact.reduced(cb.Gauss, tabor=0.7)
+    loop = cb.hysteresis(contact, control="spring:1e-4", model=cb.FreeSpace(cell=9.0, grid=48), accuracy=1e-4)
+    assert (loop.status, [jump.name for jump in loop.jumps]) == ("complete", ["jump-in", "pull-off"])
+    pull_off = loop.jumps[1]
+    assert pull_off.dissipated == pytest.approx(pull_off.start.load**2 / 2e-4, rel=1e-3)  # the spring's energy
+
+
+def test_folds_of_a_spring_and_of_the_load_in_one_state_end_a_stable_part() -> None:
+    """The rows of both are equal: between them the curve does not go on, and does not rest either."""
+    columns = {
+        "load": [2.0, 1.0, 1.0, 2.0],
+        "displacement": [0.0, 1.0, 1.0, 2.0],
+        "contact_radius": [1.0, 2.0, 2.0, 3.0],
+        "central_gap": [0.0] * 4,
+    }
+
+    def walk(columns):
+        track = SimpleNamespace(
+            column=lambda name: np.array(columns[name]),
+            controlled=lambda _: np.array(columns["load"]),
+            hodograph=SimpleNamespace(pieces=lambda _: (np.array([1, 0, 0]), np.array([-1, 1, 1]))),
+            problem=lambda _: SimpleNamespace(given=True),
+        )
+        return CurveWalk(track, (), LOAD, 1e-6)
+
+    assert walk(columns).unstable.tolist() == [1, 0, 0]
+    resting = {**columns, "displacement": [0.0, 1.0, 1.5, 2.0]}
+    assert walk(resting).unstable.tolist() == [1, 1, 0]
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_surfaces_all_at_the_wall_are_told_by_their_load() -> None:
+    """Their displacements are the same; the loop asks for the state at zero load between two of them."""
+    tip = cb.HeightMap.self_affine(16, cell=10.0, hurst=0.8, rms_slope=0.1, seed=3)
+    contact = cb.Contact(tip, cb.Exponential(work_of_adhesion=0.1, range=0.6))
+    branch = cb.trace(contact, max_load=1.0).branches[0]
+    full = branch.contact_radius == branch.contact_radius[-1]
+    assert full.sum() > 1
+    assert np.all(np.diff(branch.load[full]) != 0.0)
+    loop = cb.hysteresis(contact, max_load=1.0)
+    assert (loop.status, loop.path.load[0]) == ("complete", pytest.approx(0.0, abs=1e-9))
