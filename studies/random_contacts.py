@@ -424,7 +424,9 @@ def solved(drawn: Drawn, diagram: cb.Diagram, rng: random.Random) -> tuple[float
             except cb.InputError:  # beyond a fold, or far away
                 states = ()
             except cb.ModelError as error:
-                return math.inf, f"{error} {name}"
+                if "lies beyond" not in str(error):
+                    return math.inf, f"{error} {name}"
+                states = ()
             found.append(states)
         beside = any(
             e.kind == "fold" and abs(e.load - loads[name]) < 10 * e.error["load"] + 10 * accuracy * unit for e in events

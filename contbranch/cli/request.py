@@ -196,4 +196,4 @@ def find_event(diagram: Diagram, name: str, kind: str) -> Event:
         return (min if name.rstrip("-0123456789") in _LOWEST else max)(found, key=lambda event: getattr(event, key))
     known = sorted({called for _, called in there if called})
     listed = ", ".join(known) or "none"
-    raise InputError(f"--event: {name!r}; under {kind} control there are: {listed}{nearest(name, known)}")
+    raise InputError(f"--event: {name!r}; under {kind} control this contact has: {listed}{nearest(name, known)}")
