@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from contbranch.continuation import CorrectionError, Outcome
 from contbranch.control import as_control
 from contbranch.curve import curves, paths
 from contbranch.curve.curves import FollowedCurves
+from contbranch.curve.quasi_static import quasi_static
 from contbranch.curve.trace import Request
 from contbranch.errors import ModelError
 
@@ -316,6 +319,33 @@ def test_work_where_nothing_is_found_between_rows_is_the_change_of_energy(monkey
     loop = cb.hysteresis(contact, accuracy=1e-8)
     assert loop.dissipated > 0.1
     assert loop.area == pytest.approx(loop.dissipated, abs=1e-7)
+
+
+def test_a_path_that_loses_its_stability_where_no_fold_is_known_ends_there(monkeypatch):
+    """It is not closed, as one would be whose curve ends there."""
+    contact = cb.Contact.reduced("gauss", tabor=2.5)
+    monkeypatch.setattr(paths.CurveWalk, "_folds", {})
+    loop = cb.hysteresis(contact, "displacement", accuracy=1e-4)
+    assert (loop.status, loop.closed, loop.dissipated, loop.jumps) == ("incomplete", False, None, ())
+    told = re.search(r"stability is lost next to load (\S+), displacement (\S+) \(reduced\)", loop.message)
+    assert [loop.path.load[-1], loop.path.displacement[-1]] == pytest.approx([*map(float, told.groups())], rel=1e-4)
+
+
+@pytest.mark.parametrize(("last", "why"), [(3.0, "stability is lost next to load 2,"), (2.0, "")])
+def test_a_path_may_end_where_what_is_controlled_rests(last, why):
+    """As a load beyond the end of a finite law does: no fold is needed there."""
+    walk = SimpleNamespace(
+        folds=dict,
+        follows=False,
+        unstable=np.array([0, 0, 1]),
+        rising=np.array([1, 1, 1]),
+        values=np.array([0.0, 1.0, 2.0, last]),
+        row=lambda row: SimpleNamespace(load=float(row), displacement=0.0),
+    )
+    legs, jumps, failed = quasi_static(walk)
+    assert (legs[0].rows, jumps) == ((0, 1, 2), [])
+    assert why in failed
+    assert bool(why) == bool(failed)
 
 
 def test_a_state_that_leads_back_to_its_fold_is_not_jumped_to():

@@ -98,7 +98,8 @@ def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
     Raises
     ------
     ModelError
-        If it comes to a fold again, or a state that it needs is not found; what has been appended stays.
+        If it comes to a fold again, stability is lost where there is none, or a state that it needs is not found; what
+        has been appended stays.
     """
     with finishing() if over() else nullcontext():
         folds = walk.folds()
@@ -111,6 +112,7 @@ def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
             leg, fold_row = _followed(walk, folds, piece, direction, begin, row)
             legs.append(leg)
             if fold_row is None:
+                _check_end(walk, leg)
                 break
             if any((jump.row, jump.direction) == (fold_row, direction) for jump in jumps):
                 state = folds[fold_row].state
@@ -169,6 +171,24 @@ def _followed(
         piece += sense
         if not 0 <= piece < len(walk.unstable) or walk.unstable[piece] != 0:
             return Leg(direction, tuple(rows), begin, None), None
+
+
+def _check_end(walk: CurveWalk, leg: Leg) -> None:
+    """Check that a leg without a fold ends where the curve does, or where what is controlled rests.
+
+    Raises
+    ------
+    ModelError
+        If stability is lost there: where the path would go on is not known.
+    """
+    row = leg.rows[-1]
+    beside = range(max(row - 1, 0), min(row + 1, len(walk.unstable)))
+    if any(walk.unstable[piece] and walk.values[piece] != walk.values[piece + 1] for piece in beside):
+        state = walk.row(row)
+        raise ModelError(
+            f"stability is lost next to load {state.load:.6g}, displacement {state.displacement:.6g} (reduced), where "
+            "no fold was found; ask for another accuracy, or for another grid where the model has one."
+        )
 
 
 def _jump(walk: CurveWalk, folds: dict[int, Stop], row: int, direction: int, leg: Leg) -> Jump:

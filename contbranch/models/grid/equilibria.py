@@ -67,9 +67,8 @@ FLOOR, ENOUGH, ACROSS = 1e-8, 3e-7, 3e-6
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.
 SAME = 0.02
-# States closer than this part of the range are on one part of the curve; how often, and by how many
-# times the fold's error, the control is then moved beyond it.
-LEFT, PUSHES, HARDER = 0.3, 4, 4.0
+# How often the control is moved beyond a fold, and by how many times as far as before.
+PUSHES, HARDER = 4, 4.0
 # A fold whose load, displacement or position is as certain as this, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 # A correction that changes a gap by so many ranges leads to another part of the curve.
@@ -602,12 +601,12 @@ class LatticeProblem(EquilibriumProblem):
     def relaxed(
         self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
     ) -> int | None:
-        """By relaxation from the fold, the control moved beyond it by its error: the lattice's barriers hold it.
+        """By relaxation from the fold, the control moved beyond it by its error, and back: the lattice's barriers hold.
 
         Raises
         ------
         AstrayError
-            If they end in a state that is none of the others.
+            If they end in a state at the fold's value that is none of the others.
         """
         return self.landed(self.at(fold), fold, control, direction, others)
 
@@ -617,19 +616,22 @@ class LatticeProblem(EquilibriumProblem):
         """As `relaxed`, from a state near the fold."""
         value = control.value(*values_of(fold)[:2])
         error = np.nan_to_num(np.abs(equilibrium(fold).defect(fold)[:2]), posinf=0.0).tolist()
-        push = control.value(*error) + 1e-6 * max(1.0, abs(value))
-        end = None
+        # Next to the fold of an average a barrier may hold states that are farther out than the error.
+        held = max(direction * (control.of(begin) - value), 0.0)
+        push = held + control.value(*error) + 1e-6 * max(1.0, abs(value))
+        end = begin
         for _ in range(PUSHES):
+            end = begin
             with quietly():
-                hold = control_held(self.nodes, control, value + direction * push)
-                end = land(self.nodes, begin.u, hold, self.sharp.tolerance)
-                back = newton(self.nodes, end.u, end.load, control_held(self.nodes, control, value), end.contact)
-            end = back if end.converged and back.converged and self._apart(back, end) < LEFT else end
+                for position in (value + direction * push, value):
+                    if end.converged:
+                        hold = control_held(self.nodes, control, position)
+                        end = land(self.nodes, end.u, hold, self.sharp.tolerance)
             apart = [equilibrium(other).away(other, end) for other in others]  # type: ignore[attr-defined]
             if end.converged and apart and min(apart) <= SAME:
                 return apart.index(min(apart))
             push *= HARDER
-        if end is None or not end.converged:
+        if not end.converged:
             return None
         raise AstrayError(State(*read(self.setup, end)[:5], 0, 0, 0.0))
 

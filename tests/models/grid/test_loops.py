@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
 from contbranch.models.grid import LatticeCurves
+from contbranch.models.grid.equilibria import LatticeProblem
 
 REPULSION = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
 ATTRACTION = cb.Contact.reduced(cb.Gauss, tabor=2.5)
@@ -137,3 +139,47 @@ def test_surfaces_all_at_the_wall_are_told_by_their_load() -> None:
     assert np.all(np.diff(branch.load[full]) != 0.0)
     loop = cb.hysteresis(contact, max_load=1.0)
     assert (loop.status, loop.path.load[0]) == ("complete", pytest.approx(0.0, abs=1e-9))
+
+
+@pytest.fixture(scope="module")
+def rough() -> cb.Contact:
+    heights = cb.HeightMap.self_affine(48, cell=2000.0, hurst=0.8, rms_slope=0.05, seed=3).heights
+    tip = cb.HeightMap(heights, cell=2000.0, peaks=True)
+    return cb.Contact(tip, cb.Exponential(work_of_adhesion=0.05, range=3.0), modulus=1.0)
+
+
+SPRING = cb.Spring(1000.0)
+
+
+def test_relaxations_beyond_a_fold_come_back_to_its_spring_position(rough: cb.Contact) -> None:
+    """A fold of few nodes is known by a part of the range alone. Beyond it by so much the state has moved by as much;
+    it is the one asked for when the spring has come back."""
+    loop = cb.hysteresis(rough, control=SPRING, max_load=500.0)
+    assert (loop.status, len(loop.jumps)) == ("complete", 5)
+    for jump in loop.jumps:
+        for state in (jump.start, jump.to):
+            assert state.displacement + state.load / SPRING.stiffness == pytest.approx(jump.position, abs=1e-6)
+
+
+def test_a_state_off_the_curve_is_told_at_the_spring_position_of_the_fold(
+    rough: cb.Contact, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LatticeProblem, "away", lambda *_: np.inf)
+    loop = cb.hysteresis(rough, control=SPRING, max_load=500.0)
+    assert (loop.status, len(loop.jumps)) == ("incomplete", 1)
+    found = re.search(r"not on the traced curve \(load (\S+), displacement (\S+)\)", loop.message)
+    load, displacement = map(float, found.groups())
+    assert displacement + load / SPRING.stiffness == pytest.approx(loop.jumps[0].position, abs=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+@pytest.mark.parametrize("stiffness", [1e-5, 1e-3, 1e-2])
+def test_soft_springs_pull_the_contact_off_over_the_barriers_of_the_lattice(stiffness: float) -> None:
+    """Between its nodes a lattice holds the contact at loads beyond the fold, which is that of an average."""
+    contact, spring = cb.Contact.reduced(cb.Exponential, tabor=1.0), cb.Spring(stiffness)
+    loop = cb.hysteresis(contact, control=spring, model=cb.FreeSpace(cell=10.0, grid=48), accuracy=1e-4)
+    exact = cb.hysteresis(contact, control=spring)
+    assert (loop.status, [jump.name for jump in loop.jumps]) == ("complete", ["jump-in", "pull-off"])
+    assert abs(loop.dissipated - exact.dissipated) <= loop.error + exact.error
+    found, true = loop.jumps[1], exact.jumps[1]
+    assert abs(found.to.displacement - true.to.displacement) <= found.start.error["load"] / stiffness
