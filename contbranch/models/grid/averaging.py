@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Flags
 from contbranch.continuation import Options, Point
 from contbranch.continuation.problem import Linearisation
 from contbranch.control import Control
@@ -379,10 +379,12 @@ class AveragedProblem(EquilibriumProblem):
 
     def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
         """It was not looked for on another lattice."""
-        near = np.abs(self.fit.radius - point.parameter) < self.fit.width * half_width(
-            point.parameter, self.fit.spacing
-        )
-        return "averaged", f"The average over {int(near.sum()) // 3} changes of the contact on the lattice."
+        count = int(self._near(point.parameter).sum()) // 3
+        return "averaged", f"The average over {count} changes of the contact on the lattice."
+
+    def _near(self, p: float) -> Flags:
+        """Which of what was read off the arcs is in the window around a contact radius."""
+        return np.abs(self.fit.radius - p) < self.fit.width * half_width(p, self.fit.spacing)
 
     # -- the states beside it -----------------------------------------------------------------------------------------
     def state(self, p: float) -> Equilibrium:
@@ -435,8 +437,12 @@ class AveragedProblem(EquilibriumProblem):
     def relaxed(
         self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
     ) -> int | None:
-        """From the state beside the fold."""
-        return self.lattice.landed(self.nearest(fold.parameter), fold, control, direction, others)
+        """From the state beside the fold, over the barriers of the arcs of which it is an average."""
+        near = self._near(fold.parameter)
+        value = control.value(*self.values(fold.x, fold.parameter)[:2])
+        held = [direction * (control.value(load, way) - value) for load, way, _ in self.fit.values[near].tolist()]
+        begin = self.nearest(fold.parameter)
+        return self.lattice.landed(begin, fold, control, direction, others, max(0.0, *held))
 
     def away(self, point: Point, state: Equilibrium) -> float:
         """Whether a state with about the contact radius of a point is far from it."""

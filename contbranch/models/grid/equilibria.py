@@ -67,8 +67,8 @@ FLOOR, ENOUGH, ACROSS = 1e-8, 3e-7, 3e-6
 # Two states are one if no gap differs by more than this part of the law's range: relaxations and Newton's method stop
 # at different residuals, and soft states are far apart for the same one.
 SAME = 0.02
-# How often the control is moved beyond a fold, and by how many times as far as before.
-PUSHES, HARDER = 4, 4.0
+# By how much the control is moved beyond a fold, relative to max(1, |value|), how often, and by how many times as much.
+BEYOND, PUSHES, HARDER = 1e-6, 4, 4.0
 # A fold whose load, displacement or position is as certain as this, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
 # A correction that changes a gap by so many ranges leads to another part of the curve.
@@ -209,6 +209,8 @@ class LatticeProblem(EquilibriumProblem):
             if not near or not (found.converged or found.residual <= self.tolerance):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No equilibrium was found on the lattice.)")
             u, load = tangent(self.nodes, found, hold, 1e-8 if precise else 1e-3)[:2]
+            if not (load or u.any()):  # so far away that rounding is larger than the load
+                raise CorrectionError(Outcome.STEP_TOO_SMALL, "(A load tells no equilibria there.)")
         point = self.point(found, (u, load))
         return Solution(point.x, point.parameter, point.tangent_x, load)
 
@@ -601,24 +603,29 @@ class LatticeProblem(EquilibriumProblem):
     def relaxed(
         self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
     ) -> int | None:
-        """By relaxation from the fold, the control moved beyond it by its error, and back: the lattice's barriers hold.
+        """By relaxation from the fold, the control moved a little beyond it and back.
+
+        The error of the fold on other lattices does not matter here: beyond it by so much lie other folds.
 
         Raises
         ------
         AstrayError
-            If they end in a state at the fold's value that is none of the others.
+            If it ends in a state at the fold's value that is none of the others.
         """
-        return self.landed(self.at(fold), fold, control, direction, others)
+        return self.landed(self.at(fold), fold, control, direction, others, 0.0)
 
     def landed(
-        self, begin: Equilibrium, fold: Point, control: Control, direction: int, others: Sequence[Point]
+        self,
+        begin: Equilibrium,
+        fold: Point,
+        control: Control,
+        direction: int,
+        others: Sequence[Point],
+        barrier: float,
     ) -> int | None:
-        """As `relaxed`, from a state near the fold."""
+        """As `relaxed`, from a state near the fold that is held by so much more of what is controlled."""
         value = control.value(*values_of(fold)[:2])
-        error = np.nan_to_num(np.abs(equilibrium(fold).defect(fold)[:2]), posinf=0.0).tolist()
-        # Next to the fold of an average a barrier may hold states that are farther out than the error.
-        held = max(direction * (control.of(begin) - value), 0.0)
-        push = held + control.value(*error) + 1e-6 * max(1.0, abs(value))
+        push = barrier + BEYOND * max(1.0, abs(value))
         end = begin
         for _ in range(PUSHES):
             end = begin

@@ -152,8 +152,6 @@ SPRING = cb.Spring(1000.0)
 
 
 def test_relaxations_beyond_a_fold_come_back_to_its_spring_position(rough: cb.Contact) -> None:
-    """A fold of few nodes is known by a part of the range alone. Beyond it by so much the state has moved by as much;
-    it is the one asked for when the spring has come back."""
     loop = cb.hysteresis(rough, control=SPRING, max_load=500.0)
     assert (loop.status, len(loop.jumps)) == ("complete", 5)
     for jump in loop.jumps:
@@ -183,3 +181,29 @@ def test_soft_springs_pull_the_contact_off_over_the_barriers_of_the_lattice(stif
     assert abs(loop.dissipated - exact.dissipated) <= loop.error + exact.error
     found, true = loop.jumps[1], exact.jumps[1]
     assert abs(found.to.displacement - true.to.displacement) <= found.start.error["load"] / stiffness
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_relaxations_pass_no_fold_for_the_error_of_another() -> None:
+    """On half the nodes the fold lies elsewhere, by more than the next ones are away."""
+    heights = cb.HeightMap.self_affine(32, cell=2000.0, hurst=0.8, rms_slope=0.05, seed=3).heights
+    tip = cb.HeightMap(heights, cell=2000.0, peaks=True)
+    contact = cb.Contact(tip, cb.Exponential(work_of_adhesion=0.05, range=3.0), modulus=1.0)
+    loop = cb.hysteresis(contact, control="displacement", max_load=500.0)
+    assert (loop.status, len(loop.jumps)) == ("complete", 5)
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_small_contacts_are_pulled_off_over_the_barriers_of_the_lattice() -> None:
+    """The arcs next to the fold reach beyond it by fifty times the error of their average."""
+    contact = cb.Contact.reduced(cb.Exponential, tabor=1.0)
+    loop = cb.hysteresis(contact, "displacement", model=cb.FreeSpace(cell=10.0, grid=96), accuracy=1e-4)
+    assert (loop.status, [jump.name for jump in loop.jumps]) == ("complete", ["jump-in", "pull-off"])
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_a_soft_spring_leads_to_where_no_load_is_left() -> None:
+    """On half the nodes, with which the state there is compared, none is to be told by its load."""
+    contact = cb.Contact.reduced(cb.Gauss, tabor=1.0)
+    loop = cb.hysteresis(contact, cb.Spring(1e-4), model=cb.FreeSpace(cell=8.0, grid=64), accuracy=1e-4)
+    assert (loop.status, len(loop.jumps)) == ("complete", 2)
