@@ -1,6 +1,7 @@
 """Maps of force curves: what was put in is found where it was put, and one bad curve does no harm."""
 
 import json
+import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -11,6 +12,8 @@ import pytest
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.contact.file import read_contact
+from contbranch.measure.maps import Fitting, _laid_out
+from contbranch.measure.reading import curves_in
 
 ROOT = Path(__file__).parents[1]
 if str(ROOT) not in sys.path:
@@ -51,6 +54,7 @@ def test_a_folder_is_fitted_and_a_bad_curve_fails_alone(folder):
     again = fitted(folder, resume=True)
     assert (again.computed, again.reused, len(again.failed)) == (1, 4, 1)
     assert "at least 16" in again.failed[0].message
+    assert "x0_y2.csv" in again.failed[0].message
     loaded = cb.load(folder / "map.h5")
     assert type(loaded) is cb.FitMap
     values = loaded.picture("modulus").values
@@ -62,6 +66,21 @@ def test_a_folder_is_fitted_and_a_bad_curve_fails_alone(folder):
     assert [one.get_title() for one in axes[:2]] == ["modulus (MPa)", "work of adhesion (mN/m)"]
     with pytest.raises(cb.InputError, match="none"):
         loaded.diagram(0)
+
+
+def test_a_file_that_is_no_curve_leaves_the_others_their_places(folder, tmp_path):
+    contact, _ = read_contact(folder / "contact.toml")
+    curve = cb.read_force_curve(folder / "curves" / "x0_y0.csv", spring=5.0)
+    for place in ("x0_y0", "x1_y0", "x0_y1", "x1_y1"):
+        shutil.copy(folder / "curves" / "x0_y0.csv", tmp_path / f"{place}.csv")
+    (tmp_path / "notes.txt").write_text("Tip 3, in air.\nAfter lunch.\n")
+    with pytest.warns(UserWarning, match=r"Left out, .*notes\.txt"):
+        design = _laid_out(contact, list(curves_in(tmp_path, 5.0)), None)
+    assert (design.mode, len(design)) == ("grid", 4)
+    assert design.parameters(3) == {"row": 1.0, "column": 1.0}
+    flat = cb.ForceCurve(piezo=curve.piezo, force=0.0 * curve.force, spring=5.0, source="flat.csv")
+    with pytest.raises(cb.InputError, match=r"flat\.csv"):
+        Fitting(contact, ("modulus",))(flat)
 
 
 def test_many_curves_are_never_taken_for_one(folder, capsys, tmp_path):

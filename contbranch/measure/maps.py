@@ -12,10 +12,10 @@ import numpy as np
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.units import Quantity, positive_number
-from contbranch.errors import InputError, refuse_unknown
+from contbranch.errors import InputError, refuse_unknown, warned
 from contbranch.measure.fit import fit, named
 from contbranch.measure.force_curve import ForceCurve
-from contbranch.measure.reading import Unread, curves_in
+from contbranch.measure.reading import Unread, curves_in, of_file
 from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.fit_map import FitMap, places_of
 from contbranch.results.record import UnitNames, Values
@@ -69,7 +69,10 @@ class Fitting:
         if isinstance(given, Unread):
             raise given.error
         settings: Values = {name: getattr(self, name) for name in _FITTING}
-        found = fit(given, self.contact, self.free, **settings, time_limit=self.time_limit)
+        try:
+            found = fit(given, self.contact, self.free, **settings, time_limit=self.time_limit)
+        except InputError as error:
+            raise of_file(error, given.source) from None
         about = {"status": found.status, "message": found.message, "thresholds": _values(found), "law": found.law}
         every = {name: dict(getattr(found, name)) for name in ("values", "errors")}
         return Outcome({**about, **every, "identifiable": list(found.identifiable), "source": given.source}, {})
@@ -145,8 +148,13 @@ def sized(shape: Any) -> tuple[int, int]:
 
 
 def _laid_out(contact: Contact, curves: Sequence[ForceCurve | Unread], shape: object) -> Listed:
-    """Curves with their places: a grid where they fill one, row by row."""
+    """Curves with their places: a grid where they fill one, row by row. What is none and has no place is left out."""
     places: list[Mapping[str, float]] = [one.place for one in curves]
+    strays = [one for one in curves if isinstance(one, Unread) and not one.place]
+    if shape is None and strays and sum(map(bool, places)) == len(curves) - len(strays) > 0:
+        listed = "; ".join(str(one.error) for one in strays)
+        warned(f"Left out, since their names say no place in the map as those of the others do: {listed}")
+        return _laid_out(contact, [one for one in curves if one.place], None)
     if shape is not None:
         rows, columns = sized(shape)
         if len(curves) > rows * columns:

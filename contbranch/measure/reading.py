@@ -124,7 +124,12 @@ def _in_file(path: Path, spring: Quantity, place: dict[str, float]) -> Iterator[
         try:
             yield make(place=place | own)
         except InputError as error:
-            yield Unread(error, place | own)
+            yield Unread(of_file(error, str(path)), place | own)
+
+
+def of_file(error: InputError, source: str) -> InputError:
+    """An error that says which file it is about."""
+    return error if not source or source in str(error) else InputError(f"{error} ('{source}')")
 
 
 def _of_table(path: Path, spring: Quantity) -> _Makers:
