@@ -49,9 +49,10 @@ class _Loop:
 
     def result(self, choice: ModelChoice, cost: Cost) -> Hysteresis:
         """The loop."""
-        legs, complete = self.route.legs, self.route.complete
-        jumps = tuple(self._jump(jump) for jump in self.route.jumps)
+        legs, jumps = self.route.legs, tuple(self._jump(jump) for jump in self.route.jumps)
         lost = [jump for jump in jumps if jump.to is None]
+        # What holds the tip by more than a load keeps it at a finite separation.
+        complete = self.route.complete and (not lost or self.control.kind == "load")
         closed = complete and bool(legs) and not lost
         return Hysteresis(
             path=self._path(),
@@ -64,18 +65,18 @@ class _Loop:
             control=self.control.kind,
             stiffness=self.control.spring_stiffness,
             status="complete" if complete else "incomplete",
-            message=self._message(jumps, lost, closed),
+            message=self._message(jumps, lost, complete, closed),
             contact=self.contact,
             area=later(self._work) if closed else None,
         )
 
-    def _message(self, jumps: Sequence[Jump], lost: Sequence[Jump], closed: bool) -> str:
-        message, complete = self.route.message, self.route.complete
+    def _message(self, jumps: Sequence[Jump], lost: Sequence[Jump], complete: bool, closed: bool) -> str:
+        message = self.route.message
         if lost and complete:
             what = f"at {lost[0].name}" if lost[0].name else "at the fold"
             return (
                 f"{message} The loop does not close: {what} (load {lost[0].start.load:.6g}) the contact is lost to "
-                f"infinite separation, since no state of lower energy exists there under {self.control.kind} control; "
+                f"infinite separation, since no state of lower energy exists there under load control; "
                 "what is dissipated has no bound."
             ).strip()
         if lost:

@@ -207,3 +207,12 @@ def test_a_soft_spring_leads_to_where_no_load_is_left() -> None:
     contact = cb.Contact.reduced(cb.Gauss, tabor=1.0)
     loop = cb.hysteresis(contact, cb.Spring(1e-4), model=cb.FreeSpace(cell=8.0, grid=64), accuracy=1e-4)
     assert (loop.status, len(loop.jumps)) == ("complete", 2)
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_a_spring_loses_no_contact_to_infinite_separation() -> None:
+    """So softly held, the tip comes to rest farther away than the curve begins."""
+    contact = cb.Contact.reduced(cb.VanDerWaals, tabor=1.0)
+    loop = cb.hysteresis(contact, cb.Spring(1e-4), model=cb.FreeSpace(cell=8.0, grid=32), accuracy=1e-4)
+    assert (loop.status, loop.closed, loop.jumps[-1].to) == ("incomplete", False, None)
+    assert "Where the jump from pull-off ends was not reached." in loop.message
