@@ -124,7 +124,7 @@ class Reached(Event):
     relative_resolution: ClassVar[float] = 1e-9
 
     def value(self, point: Point) -> float:
-        """What is controlled minus its target, next to the target: in between squares of radii, which grow evenly."""
+        """What is controlled minus its target; of radii by their squares, which grow evenly from first touch on."""
         values = values_of(point)
         if self.control is None:
             away = values.contact_radius - self.target

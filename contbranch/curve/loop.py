@@ -76,7 +76,7 @@ class _Loop:
             what = f"at {lost[0].name}" if lost[0].name else "at the fold"
             return (
                 f"{message} The loop does not close: {what} (load {lost[0].start.load:.6g}) the contact is lost to "
-                f"infinite separation, since no state of lower energy exists there under load control; "
+                "infinite separation, since no state of lower energy exists there under load control; "
                 "what is dissipated has no bound."
             ).strip()
         if lost:

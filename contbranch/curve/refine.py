@@ -214,10 +214,12 @@ class _Line:
         for _ in range(RETREATS):
             try:
                 point = self.at(place + step, near, place)
-                if self.metric.dot(self.problem, point.tangent_x, point.tangent_parameter, *self.direction) > 0.0:
-                    return step, point
             except CorrectionError:
-                pass
+                ahead = -1.0
+            else:
+                ahead = self.metric.dot(self.problem, point.tangent_x, point.tangent_parameter, *self.direction)
+            if ahead > 0.0:
+                return step, point
             step *= RETREAT
         return step, self.at(place + step, near, place)
 
