@@ -83,6 +83,69 @@ def test_a_file_that_is_no_curve_leaves_the_others_their_places(folder, tmp_path
         Fitting(contact, ("modulus",))(flat)
 
 
+@pytest.mark.filterwarnings("default:Left out")
+def test_every_curve_says_its_file(folder, capsys, tmp_path, monkeypatch):
+    """In table, CSV, JSON and HDF5, whether it was fitted or not; a map that is resumed takes over other names."""
+    xarray = pytest.importorskip("xarray")
+    monkeypatch.chdir(tmp_path)
+    Path("c").mkdir()
+    for name in ("x-1_y0.csv", "x0_y0.csv"):
+        shutil.copy(folder / "curves" / "x0_y0.csv", Path("c", name))
+    Path("c", "x0.5_y0.csv").write_text("piezo [nm],force [nN]\n" + "\n".join(f"{z},1" for z in range(99)))
+    shutil.copy(folder / "curves" / "x0_y0.csv", Path("c", "reference.csv"))
+    given = ["fit", "c", str(folder / "contact.toml"), "--free", "modulus", "--spring", "5 N/m", "--workers", "1"]
+    given += ["-o", "m.h5", "--csv", "m.csv", "--json", "m.json"]
+    assert main(given) == 0
+    said, warned = capsys.readouterr()
+    assert "Left out" in warned
+    assert "reference.csv" in warned
+    sources = [str(Path("c", name)) for name in ("x-1_y0.csv", "x0_y0.csv", "x0.5_y0.csv")]
+    assert all(source in said for source in sources)
+    assert f"there is no contact to fit ('{sources[2]}')" in said
+    document = json.loads(Path("m.json").read_text())
+    assert [task["source"] for task in document["tasks"]] == sources
+    assert [task["parameters"]["column"] for task in document["tasks"]] == [-1.0, 0.0, 0.5]
+    heading, *rows = Path("m.csv").read_text().splitlines()
+    assert heading.startswith("index,source,row,column,")
+    assert [row.split(",")[1] for row in rows] == sources
+    assert [task.source for task in cb.load("m.h5").tasks] == sources
+    with xarray.open_dataset("m.h5", engine="h5netcdf") as data:
+        assert data["source"].dims == ("row", "column")
+        assert data["source"].sel(row=0, column=-1) == sources[0]
+    Path("c").rename("d")
+    assert main(["d" if word == "c" else word for word in given] + ["--resume"]) == 0
+    assert "0 computed, 3 known before" in capsys.readouterr().out
+    assert [task.source for task in cb.load("m.h5").tasks] == [source.replace("c", "d", 1) for source in sources]
+
+
+def test_a_failure_of_any_kind_names_the_file(folder, tmp_path, monkeypatch):
+    def broken(*_, **__):
+        raise cb.ModelError("lost")
+
+    monkeypatch.setattr("contbranch.measure.maps.fit", broken)
+    contact, _ = read_contact(folder / "contact.toml")
+    with ThreadPoolExecutor(1) as executor:
+        found = cb.fit_map(folder / "curves" / "x0_y0.csv", contact, tmp_path / "m.h5", executor=executor, spring=5.0)
+    assert found.failed[0].message == f"ModelError: lost ('{folder / 'curves' / 'x0_y0.csv'}')"
+
+
+@pytest.mark.parametrize(
+    ("names", "places"),
+    [
+        (("x-1_y2", "x0_y-3"), ((-1.0, 2.0), (0.0, -3.0))),
+        (("map_x0.5_y1.25", "map_x1_y2"), ((0.5, 1.25), (1.0, 2.0))),
+        (("x-3-y-12", "x-0-y-1"), ((3.0, 12.0), (0.0, 1.0))),
+        (("x_-1_y_2", "x 1 y 2,5"), ((-1.0, 2.0), (1.0, 2.5))),
+        (("row2-col7", "r3c-1"), ((7.0, 2.0), (-1.0, 3.0))),
+    ],
+)
+def test_places_in_names_may_be_negative_or_decimal(tmp_path, names, places):
+    for name in names:
+        (tmp_path / f"{name}.csv").write_text("no curve")
+    found = [(one.place["column"], one.place["row"]) for one in curves_in(tmp_path)]
+    assert sorted(found) == sorted(places)
+
+
 def test_many_curves_are_never_taken_for_one(folder, capsys, tmp_path):
     """Neither a folder nor a file with two curves is fitted without a file for the results."""
     contact = str(folder / "contact.toml")

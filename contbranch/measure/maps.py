@@ -99,7 +99,7 @@ def fit_map(
     """Fit the force curves of a map on all cores, or on any executor, and write what they determine to one file.
 
     As in `contbranch.sweep`, every fit is in a journal as soon as it has ended, and what cannot be read or fitted is
-    recorded as failed, with the reason.
+    recorded as failed, with the reason. What has no place in a map where most have one is left out, with a warning.
 
     Parameters
     ----------
@@ -148,13 +148,20 @@ def sized(shape: Any) -> tuple[int, int]:
 
 
 def _laid_out(contact: Contact, curves: Sequence[ForceCurve | Unread], shape: object) -> Listed:
-    """Curves with their places: a grid where they fill one, row by row. What is none and has no place is left out."""
-    places: list[Mapping[str, float]] = [one.place for one in curves]
-    strays = [one for one in curves if isinstance(one, Unread) and not one.place]
-    if shape is None and strays and sum(map(bool, places)) == len(curves) - len(strays) > 0:
-        listed = "; ".join(str(one.error) for one in strays)
+    """Curves with their places: a grid where they fill one, row by row.
+
+    Left out is what has no place in the map where more than half have one, or all that are curves.
+    """
+    placed = max(([one for one in curves if set(names) <= set(one.place)] for names in _PLACES), key=len)
+    known = set(map(id, placed))
+    strays = [one for one in curves if id(one) not in known]
+    none = all(isinstance(one, Unread) for one in strays)
+    if shape is None and strays and placed and (none or len(placed) > len(strays)):
+        words = [str(one.error) if isinstance(one, Unread) else f"'{one.source or 'a curve'}'" for one in strays]
+        listed = "; ".join(words)
         warned(f"Left out, since their names say no place in the map as those of the others do: {listed}")
-        return _laid_out(contact, [one for one in curves if one.place], None)
+        return _laid_out(contact, placed, None)
+    places: list[Mapping[str, float]] = [one.place for one in curves]
     if shape is not None:
         rows, columns = sized(shape)
         if len(curves) > rows * columns:

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass
 from functools import partial
@@ -25,10 +25,11 @@ _POSITION: tuple[str, ...] = ("x", "y")
 _HEADING = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 _TEXTS = (".csv", ".txt", ".tsv", ".dat")
 _INSTRUMENTS = (".ibw", ".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".h5", ".tab", ".zip")
-# Places in a map that are said in names of files.
+# Places in a map that are said in names of files: numbers, each behind a separator if there is one.
+_NUMBER = r"[_ ]?(-?\d+(?:[.,]\d+)?)"
 _NAMED = (
-    (re.compile(r"(?:^|[^a-z])x[-_ ]?(\d+).*?y[-_ ]?(\d+)", re.IGNORECASE), ("column", "row")),
-    (re.compile(r"(?:^|[^a-z])r(?:ow)?[-_ ]?(\d+).*?c(?:ol(?:umn)?)?[-_ ]?(\d+)", re.IGNORECASE), ("row", "column")),
+    (re.compile(rf"(?:^|[^a-z])x{_NUMBER}.*?y{_NUMBER}", re.IGNORECASE), ("column", "row")),
+    (re.compile(rf"(?:^|[^a-z])r(?:ow)?{_NUMBER}.*?c(?:ol(?:umn)?)?{_NUMBER}", re.IGNORECASE), ("row", "column")),
 )
 
 # Places in a map, and what makes the curves there.
@@ -41,6 +42,7 @@ class Unread:
 
     error: InputError
     place: dict[str, float]
+    source: str = ""
 
     def describe(self) -> dict[str, Any]:
         """Its place and what is wrong."""
@@ -96,35 +98,42 @@ def curves_in(path: str | Path, spring: Quantity = None) -> Iterator[ForceCurve 
             raise InputError(
                 f"curve: no file in '{path}' is one of force curves ({', '.join((*_TEXTS, *_INSTRUMENTS))})"
             )
-        for file in sorted(
-            files, key=lambda one: [int(k) if k.isdecimal() else k for k in re.split(r"(\d+)", one.name)]
-        ):
-            yield from _in_file(file, spring, _named(file.stem))
+        files.sort(key=lambda one: [int(k) if k.isdecimal() else k for k in re.split(r"(\d+)", one.name)])
+        for file, place in zip(files, _named([one.stem for one in files]), strict=True):
+            yield from _in_file(file, spring, place)
     elif path.is_file():
         yield from _in_file(path, spring, {})
     else:
         raise InputError(f"curve: '{path}' is not a file")
 
 
-def _named(stem: str) -> dict[str, float]:
-    """A place in a map, as the name of a file has it."""
-    for pattern, names in _NAMED:
-        if match := pattern.search(stem):
-            return dict(zip(names, map(float, match.groups()), strict=True))
-    return {}
+def _named(stems: Sequence[str]) -> list[dict[str, float]]:
+    """Places in a map, as the names of files have them.
+
+    A dash before a number is its sign, ``x-1_y2``; one that all numbers have, ``x-1-y-2``, only stands between.
+    """
+    said: list[dict[str, str]] = []
+    for stem in stems:
+        found = ((names, pattern.search(stem)) for pattern, names in _NAMED)
+        said.append(next((dict(zip(names, match.groups(), strict=True)) for names, match in found if match), {}))
+    between = all(number.startswith("-") for one in said for number in one.values())
+    return [
+        {name: float(number.lstrip("-" if between else "").replace(",", ".")) for name, number in one.items()}
+        for one in said
+    ]
 
 
 def _in_file(path: Path, spring: Quantity, place: dict[str, float]) -> Iterator[ForceCurve | Unread]:
     try:
         makers = (_of_table if path.suffix.lower() in _TEXTS else _of_instrument)(path, spring)
     except InputError as error:
-        yield Unread(error, place)
+        yield Unread(of_file(error, str(path)), place, str(path))
         return
     for own, make in makers:
         try:
             yield make(place=place | own)
         except InputError as error:
-            yield Unread(of_file(error, str(path)), place | own)
+            yield Unread(of_file(error, str(path)), place | own, str(path))
 
 
 def of_file(error: InputError, source: str) -> InputError:

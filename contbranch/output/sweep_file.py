@@ -85,6 +85,8 @@ def _write_tasks(file: h5py.File, sweep: Sweep) -> None:
         file.attrs["coordinates"] = " ".join(sweep.axes)
     text = h5py.string_dtype()
     columns: Values = {name: [getattr(task, name) for task in sweep.tasks] for name in _ABOUT}
+    if any(task.source for task in sweep.tasks):
+        columns["source"] = [task.source or "" for task in sweep.tasks]
     for name in sweep.names:
         columns[name] = [task.thresholds.get(name, np.nan) for task in sweep.tasks]
     for name, values in columns.items():
@@ -200,10 +202,12 @@ def _sweep(file: h5py.File, path: Path) -> Sweep:
     data = {name: file[name] for name in file.keys() - {*axes, "task", "description", "unit_names", _GROUP}}
     found = {n: (one.asstr() if one.dtype.kind == "O" else one)[()].ravel().tolist() for n, one in data.items()}
     about = [found.pop(name) for name in _ABOUT]
+    sources = found.pop("source", [""] * len(about[0]))  # files of earlier days have none
     tasks = []
     for index, said in enumerate(zip(*about, strict=True)):
         values = {name: found[name][index] for name in sorted(found) if found[name][index] == found[name][index]}
         known: Values = {"parameters": values_at(axes, mode, index), "thresholds": values}
+        known["source"] = sources[index] or None
         tasks.append(SweepTask(index=index, **known, **dict(zip(_ABOUT, said, strict=True))))
     described: Values = {name: json.loads(file[name][()]) for name in ("description", "unit_names")}
     kind = FitMap if file.attrs["format"] == FitMap.format else Sweep

@@ -35,6 +35,8 @@ class SweepTask(Record):
         A hash of contact, options and version.
     computed : int
         How often it was computed.
+    source : str or None
+        Where what was computed with is from, such as the file of a force curve.
     """
 
     index: int
@@ -45,6 +47,7 @@ class SweepTask(Record):
     wall_s: float
     key: str = described(written=False, default="")
     computed: int = described(default=1)
+    source: str | None = described(written="if known", default=None)
 
 
 @record
@@ -129,12 +132,13 @@ class Sweep(Result):
         return f"{what}: {listed or 'none ended'}"
 
     def tables(self) -> Tables:
-        """A row a task: its parameters, thresholds and status."""
+        """A row a task: its source if any has one, parameters, thresholds and status."""
         blank = dict.fromkeys(self.names, float("nan"))
         ends = [{"status": task.status, "message": task.message} for task in self.tasks]
-        rows = [{"index": task.index, **task.parameters, **blank, **task.thresholds, **end}
+        rows = [{"index": task.index, "source": task.source or "", **task.parameters, **blank, **task.thresholds, **end}
                 for task, end in zip(self.tasks, ends, strict=True)]  # fmt: skip
-        names = ("index", *self.parameters, *self.names, "status", "message")
+        source = ("source",) if any(task.source for task in self.tasks) else ()
+        names = ("index", *source, *self.parameters, *self.names, "status", "message")
         found = {name: np.array([row[name] for row in rows]) for name in names}
         units = {name: quantity(name, self.unit_names) for name in self.names}
         return {"task": of_columns(found, self.unit_names, **units)}

@@ -54,6 +54,10 @@ class Design(Sequence[Contact]):
         """Values of a contact's parameters."""
         return values_at(self.axes, self.mode, index)
 
+    def source(self, index: int) -> str | None:
+        """Where what is given there is from, if it says so, as a curve says its file."""
+        return None
+
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
@@ -80,6 +84,11 @@ class Listed(Design):
 
     def __getitem__(self, index: Any) -> Any:
         return self.given[index]
+
+    def source(self, index: int) -> str | None:
+        """The attribute `source` of what is given there."""
+        found = getattr(self.given[index], "source", None)
+        return found if isinstance(found, str) and found else None
 
 
 def listed(contacts: Sequence[Any]) -> Listed:

@@ -131,7 +131,9 @@ def _swept(
     if earlier is not None and earlier.format != getattr(task, "kind", Sweep).format:
         raise InputError(f"path: '{path}' holds {earlier.format}; choose another file")
     retry = settings.get("retry", False)
-    if earlier is not None and not folder.exists() and not retry and [one.key for one in earlier.tasks] == keys:
+    wanted = [(key, design.source(index)) for index, key in enumerate(keys)]
+    finished = earlier is not None and not folder.exists() and not retry
+    if earlier is not None and finished and [(one.key, one.source) for one in earlier.tasks] == wanted:
         return replace(earlier, computed=0, reused=len(keys), path=path)
     with closing(Journal(folder)) as journal:
         if earlier is not None:
@@ -186,8 +188,10 @@ def _result(design: Design, task: Task, keys: Sequence[str], journal: Journal, p
     for index, key in enumerate(keys):
         if key in journal.ended:
             about = {k: v for k, v in journal.ended[key].about.items() if k not in ("key", "run")}
-            count = journal.computed[key]
-            tasks.append(SweepTask(index, design.parameters(index), **about, key=key, computed=count))
+            count, source = journal.computed[key], design.source(index)
+            if source and about["status"] != "complete" and Path(source).name not in about["message"]:
+                about["message"] += f" ('{source}')"
+            tasks.append(SweepTask(index, design.parameters(index), **about, key=key, computed=count, source=source))
     missing = len(keys) - len(tasks)
     contact: Any = getattr(task, "contact", design.contact)
     units: UnitNames = getattr(task, "unit_names", {})
