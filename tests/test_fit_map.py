@@ -12,7 +12,7 @@ import pytest
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.contact.file import read_contact
-from contbranch.measure.maps import Fitting, _laid_out
+from contbranch.measure.maps import _laid_out
 from contbranch.measure.reading import curves_in
 
 ROOT = Path(__file__).parents[1]
@@ -70,7 +70,6 @@ def test_a_folder_is_fitted_and_a_bad_curve_fails_alone(folder):
 
 def test_a_file_that_is_no_curve_leaves_the_others_their_places(folder, tmp_path):
     contact, _ = read_contact(folder / "contact.toml")
-    curve = cb.read_force_curve(folder / "curves" / "x0_y0.csv", spring=5.0)
     for place in ("x0_y0", "x1_y0", "x0_y1", "x1_y1"):
         shutil.copy(folder / "curves" / "x0_y0.csv", tmp_path / f"{place}.csv")
     (tmp_path / "notes.txt").write_text("Tip 3, in air.\nAfter lunch.\n")
@@ -78,9 +77,6 @@ def test_a_file_that_is_no_curve_leaves_the_others_their_places(folder, tmp_path
         design = _laid_out(contact, list(curves_in(tmp_path, 5.0)), None)
     assert (design.mode, len(design)) == ("grid", 4)
     assert design.parameters(3) == {"row": 1.0, "column": 1.0}
-    flat = cb.ForceCurve(piezo=curve.piezo, force=0.0 * curve.force, spring=5.0, source="flat.csv")
-    with pytest.raises(cb.InputError, match=r"flat\.csv"):
-        Fitting(contact, ("modulus",))(flat)
 
 
 @pytest.mark.filterwarnings("default:Left out")

@@ -15,7 +15,7 @@ from contbranch.contact.units import Quantity, positive_number
 from contbranch.errors import InputError, refuse_unknown, warned
 from contbranch.measure.fit import fit, named
 from contbranch.measure.force_curve import ForceCurve
-from contbranch.measure.reading import Unread, curves_in, of_file
+from contbranch.measure.reading import Unread, curves_in
 from contbranch.results.fit import Fit, unit_of_value
 from contbranch.results.fit_map import FitMap, places_of
 from contbranch.results.record import UnitNames, Values
@@ -69,10 +69,7 @@ class Fitting:
         if isinstance(given, Unread):
             raise given.error
         settings: Values = {name: getattr(self, name) for name in _FITTING}
-        try:
-            found = fit(given, self.contact, self.free, **settings, time_limit=self.time_limit)
-        except InputError as error:
-            raise of_file(error, given.source) from None
+        found = fit(given, self.contact, self.free, **settings, time_limit=self.time_limit)
         about = {"status": found.status, "message": found.message, "thresholds": _values(found), "law": found.law}
         every = {name: dict(getattr(found, name)) for name in ("values", "errors")}
         return Outcome({**about, **every, "identifiable": list(found.identifiable), "source": given.source}, {})

@@ -127,18 +127,14 @@ def _in_file(path: Path, spring: Quantity, place: dict[str, float]) -> Iterator[
     try:
         makers = (_of_table if path.suffix.lower() in _TEXTS else _of_instrument)(path, spring)
     except InputError as error:
-        yield Unread(of_file(error, str(path)), place, str(path))
+        yield Unread(error, place, str(path))
         return
     for own, make in makers:
         try:
             yield make(place=place | own)
         except InputError as error:
-            yield Unread(of_file(error, str(path)), place | own, str(path))
-
-
-def of_file(error: InputError, source: str) -> InputError:
-    """An error that says which file it is about."""
-    return error if not source or source in str(error) else InputError(f"{error} ('{source}')")
+            said = error if str(path) in str(error) else InputError(f"{error} ('{path}')")
+            yield Unread(said, place | own, str(path))
 
 
 def _of_table(path: Path, spring: Quantity) -> _Makers:
