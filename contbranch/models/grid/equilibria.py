@@ -128,7 +128,7 @@ class LatticeProblem(EquilibriumProblem):
     @cached_property
     def settings(self) -> Settings:
         """Tolerances of corrections from a good prediction."""
-        return replace(following(self.tolerance), wall=self.wall)
+        return replace(following(self.tolerance, self.setup.crowded), wall=self.wall)
 
     @cached_property
     def sharp(self) -> Settings:

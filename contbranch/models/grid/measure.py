@@ -38,9 +38,14 @@ def quietly() -> np.errstate:
     return np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 
-def following(tolerance: float) -> Settings:
-    """Tolerances for corrections from a good prediction: one that does not converge soon is better given up."""
-    return Settings(tolerance=tolerance, steps=15, inner=80, growth=30.0, patience=4)
+def following(tolerance: float, crowded: bool) -> Settings:
+    """Tolerances for corrections from a good prediction: one that does not converge soon is better given up.
+
+    What a step brings is mostly another contact, which a loose solution finds as well; where there are many of them, it
+    may find that of another piece of the curve.
+    """
+    loosest = 0.005 if crowded else 0.1
+    return Settings(tolerance=tolerance, steps=15, inner=80, growth=30.0, patience=4, forcing=loosest)
 
 
 @dataclass(frozen=True)

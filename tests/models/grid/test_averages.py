@@ -87,7 +87,7 @@ def test_arcs_join_where_a_node_has_neither_gap_nor_pressure() -> None:
     samples, ends = Samples(), list[Equilibrium]()
     with quietly():
         way = tuple(point.problem.at(point) for point in start)
-        for arc in arcs(setup.problem, setup.length, way, following(1e-8)):
+        for arc in arcs(setup.problem, setup.length, way, following(1e-8, setup.crowded)):
             joined = arc.end.contact & ~arc.middle.contact
             assert joined.any() or (arc.middle.contact & ~arc.end.contact).any()
             assert np.abs(arc.end.fields.gap[joined]).max(initial=0.0) < 1e-8
