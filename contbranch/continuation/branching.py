@@ -90,9 +90,7 @@ def branch_points(
     if begin.determinant_sign is None or end.determinant_sign is None:
         return []
     if ahead is None:
-        row = segment.metric.row(end.problem, *_tangent(end, segment))
-        at = linearise(end.problem, end.x, end.parameter)
-        ahead = border(end.problem, end.x, end.parameter, at, row)
+        ahead = _matrix(end, segment)
     if whole and segment.length > UNRESOLVED and _kinked(segment, ahead):
         raise LeapError
     crossed = begin.determinant_sign != end.determinant_sign
@@ -107,12 +105,17 @@ def branch_points(
         near = found is not None and abs(found[0] - foretold) <= NEAR * min(foretold, 1.0 - foretold)
         if found is not None and (near or segment.length <= UNRESOLVED):
             return [found]
-    elif segment.length <= UNRESOLVED:  # those that coincide are one, which an index tells better
-        told = type(begin.problem).morse_index is not Problem.morse_index
-        found = unresolved_branch_point(segment)
-        return [] if found is None or told else [found]
+    elif segment.length <= UNRESOLVED:
+        return _coinciding(segment)
     theta = _between(places)
-    point, bordered = point_on(segment, theta, options)
+    try:
+        point, _ = point_on(segment, theta, options)
+        bordered = _matrix(point, segment)
+    except CorrectionError:
+        # Next to several that coincide rounding hides the curve.
+        if segment.length > SHORT or len(places) <= 1:
+            raise
+        return _coinciding(segment)
     point = replace(point, determinant_sign=bordered.determinant_sign())
     first, last = Segment(begin, point, segment.metric), Segment(point, end, segment.metric)
     return [
@@ -183,6 +186,13 @@ def _projected(product: Callable[[Array], Array], size: int) -> Array:
     return projected[:count]
 
 
+def _matrix(point: Point, segment: Segment) -> Bordered:
+    """Factorise the matrix bordered by a point's tangent."""
+    at = linearise(point.problem, point.x, point.parameter)
+    row = segment.metric.row(point.problem, *_tangent(point, segment))
+    return border(point.problem, point.x, point.parameter, at, row)
+
+
 def _tangent(point: Point, segment: Segment) -> Direction:
     return segment.metric.unit(segment.begin.problem, point.tangent_x, point.tangent_parameter)
 
@@ -242,8 +252,17 @@ def locate_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
 
 def unresolved_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
     """Return the middle of a very short step across which the determinant changes sign without a simple crossing."""
-    if segment.length > UNRESOLVED:
-        return None
+    return None if segment.length > UNRESOLVED else _within(segment)
+
+
+def _coinciding(segment: Segment) -> list[tuple[float, BranchPoint]]:
+    """Return several branch points that cannot be told from each other as one, unless an index tells of them better."""
+    told = type(segment.begin.problem).morse_index is not Problem.morse_index
+    return [] if told else [_within(segment)]
+
+
+def _within(segment: Segment) -> tuple[float, BranchPoint]:
+    """Return the middle of a step, its lengths being the errors."""
     x, p = segment.at(0.5)
     problem = segment.begin.problem
     point = Point(problem, x, p, *segment.metric.unit(problem, *segment.direction(0.5)), label="branch point")

@@ -28,6 +28,9 @@ CONTRACTS, POLISHINGS = 0.1, 8
 # ... and for those of steps where matrices are this large, and residuals cost little beside them. What a kept one
 # leaves of a residual would count as a discretisation's error: it is to be smaller than otherwise by this factor.
 LARGE, KEPT = 150, 1e-2
+# Last correction above which the matrix before it does not tell the sign of the determinant behind it: what is soft in
+# other directions than that of the correction, as where a symmetry is about to be lost, changes by many times as much.
+SIGNED = 1e-7
 # Most corrections of a predicted point; what does not contract is given up earlier.
 ITERATIONS = 10
 # ... and of a start.
@@ -195,6 +198,9 @@ def correct(
                 dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
                 if metric.norm(problem, dx, dp) <= max(size, noise):  # otherwise it leads away
                     x, p = x + dx, p + dp
+            if options.detect_branch_points and not precise and (kept or size > SIGNED):
+                at = linearise(problem, x, p)
+                bordered, kept = border(problem, x, p, at, row), False
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
             if kept or problem.delicate:
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))

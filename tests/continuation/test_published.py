@@ -139,6 +139,21 @@ def test_bratu_on_the_square():
     assert len(curve.points) <= 12
 
 
+def test_bratu_on_the_square_loses_its_symmetries_where_eigenvalues_vanish():
+    """Two of them at once first: next to that rounding hides the curve. Neither shows in Newton's corrections."""
+    problem = PlaneBratu(30)
+    curve = trace_curve(problem, np.zeros(900), 0.0, (0.0, 10.0))
+    assert (curve.status, [event.kind for event in curve.events]) == ("complete", ["fold", *["branch point"] * 2])
+
+    def growing(k):
+        point = curve.points[k]
+        return int((np.linalg.eigvalsh(problem.jacobian(point.x, point.parameter).toarray()) > 0.0).sum())
+
+    found = [(growing(event.index - 1), growing(event.index + 1)) for event in curve.events]
+    assert found == [(0, 1), (1, 3), (3, 4)]
+    assert all(event.error < 1e-3 * event.parameter for event in curve.branch_points)
+
+
 class Waves(Problem):
     """A second derivative in the basis of its n lowest modes, on the points of a fast transform."""
 
