@@ -31,7 +31,7 @@ from .arcs import arcs, onward
 from .averaging import JOINT, averaged, half_width, turned
 from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted
-from .newton import Equilibrium, newton
+from .newton import Equilibrium, newton, tangent
 from .readings import clearance
 from .resolution import HOPELESS, fills
 
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Walker"]
 
-# Steps in s: the first, and the limits.
-FIRST, LEAST_STEP, MOST_STEP = 0.05, 2e-4, 0.5
+# Steps in s: the first, and the limits, the latter where there are many contacts, too.
+FIRST, LEAST_STEP, MOST_STEP, MOST_OF_MANY = 0.05, 2e-4, 0.5, 0.25
 # Part of a step by which a prediction may miss, as goal of the step control.
 CURVATURE = 0.02
 # Least cosine between the predicted direction and the step, and degree of the predicting polynomial.
@@ -54,6 +54,8 @@ NOISE, CLOSE = 1e-3, 3e-3
 SINGLE = 0.05
 # Changes of load and displacement that are rounding, relative to max(1, |value|).
 ROUNDING = 1e-9
+# Steps of a rough contact that may hide folds are made shorter, down to this; the factor, and tolerance of tangents.
+LOOK, STEEPEST, LOOSELY = 0.02, 3.0, 0.03
 # Corners at most around one fold, and those at a time where steps fail.
 MOST_CORNERS, CORNERS = 40, 6
 # Points at most, and those from which is predicted.
@@ -118,8 +120,9 @@ class Walker:
         # Contacts of single asperities are small parts of the surface: what happens to one of them is a short part of
         # the curve, over which a step that moves all contacts by a node would leap.
         self.hops = not (self.setup.crowded and self.resolution.ratio <= 1.0)
+        self.longest = MOST_STEP
         if not self.hops:
-            self.noise = CLOSE
+            self.noise, self.longest = CLOSE, MOST_OF_MANY
         self.averaging = self.setup.averaging and not self.setup.crowded and self.resolution.ratio <= HOPELESS
         self._sharp = replace(self.settings, tolerance=min(self.settings.tolerance, 1e-8))
         self.places: list[Place] = []
@@ -441,16 +444,38 @@ class Walker:
                 hopped = True
             angle = ANGLE if self.step_size > self.period else 0.5
             accepted = self._attempt(self.step_size, ORDER, angle, 0.15)
-            if accepted is not None:
+            if accepted is not None and self._hides(accepted[0]):
+                accepted = None
+            elif accepted is not None:
                 place, miss, failed = accepted
                 self.places.append(place)
                 goal = max(CURVATURE * self.step_size, self.noise)
                 growth = math.sqrt(goal / max(miss, 1e-12))
-                self.step_size = min(MOST_STEP, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
+                self.step_size = min(self.longest, self.step_size * min(1.6 if not failed else 1.0, max(0.5, growth)))
                 return True
             self.step_size *= 0.5
         self.step_size = begun
         return self.setup.crowded and self.problem.wall and self._next()
+
+    def _hides(self, place: Place) -> bool:
+        """Whether a control may turn round within a step, by the tangents at both ends.
+
+        No cubic that goes one way has slopes that are negative, or larger than the mean one by more than a factor.
+        """
+        if self.hops or self.step_size < 2.0 * LOOK:
+            return False
+        begin, change = self.places[-1].state, place.state.beyond(self.places[-1].state)
+        way = Direction.along(Measure.at(place.state, self.setup.length), *change)
+        ends = [tangent(self.nodes, state, way.hold(0.0, 0.0), LOOSELY) for state in (begin, place.state)]
+        length = way.value(*change)
+        for control in self.folds.controls:
+            mean, *slopes = (
+                control.value(load, self.nodes.displacement(u, load)) / by
+                for (u, load), by in ((change, length), *((end[:2], 1.0) for end in ends))
+            )
+            if any(not 0.0 <= slope * mean <= STEEPEST * mean**2 for slope in slopes):
+                return True
+        return False
 
     def _next(self) -> bool:
         """Go on to the next corner of a rough contact where steps fail; several at a time."""

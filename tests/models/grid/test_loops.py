@@ -12,7 +12,7 @@ import contbranch as cb
 from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
-from contbranch.models.grid import LatticeCurves
+from contbranch.models.grid import LatticeCurves, walk
 from contbranch.models.grid.equilibria import LatticeProblem
 
 REPULSION = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
@@ -183,14 +183,33 @@ def test_soft_springs_pull_the_contact_off_over_the_barriers_of_the_lattice(stif
     assert abs(found.to.displacement - true.to.displacement) <= found.start.error["load"] / stiffness
 
 
+def small_map(seed: int) -> cb.Contact:
+    """A rough surface of few nodes that attracts."""
+    heights = cb.HeightMap.self_affine(32, cell=2000.0, hurst=0.8, rms_slope=0.05, seed=seed).heights
+    tip = cb.HeightMap(heights, cell=2000.0, peaks=True)
+    return cb.Contact(tip, cb.Exponential(work_of_adhesion=0.05, range=3.0), modulus=1.0)
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_steps_along_a_rough_contact_pass_over_no_folds_but_shallow_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    def folds() -> list[cb.Event]:
+        return list(cb.trace(small_map(4), control="displacement", max_load=500.0).folds("displacement"))
+
+    found = folds()
+    monkeypatch.setattr(walk, "MOST_OF_MANY", 0.02)
+    close = folds()
+    pairs = zip(close[::2], close[1::2], strict=True)
+    deep = [fold for pair in pairs if abs(pair[0].displacement - pair[1].displacement) > 1e-3 for fold in pair]
+    assert (len(close), len(deep)) == (6, 4)
+    for fold in deep:
+        assert min(abs(fold.load - other.load) for other in found) < 0.01 * abs(fold.load)
+
+
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
 def test_relaxations_pass_no_fold_for_the_error_of_another() -> None:
     """On half the nodes the fold lies elsewhere, by more than the next ones are away."""
-    heights = cb.HeightMap.self_affine(32, cell=2000.0, hurst=0.8, rms_slope=0.05, seed=3).heights
-    tip = cb.HeightMap(heights, cell=2000.0, peaks=True)
-    contact = cb.Contact(tip, cb.Exponential(work_of_adhesion=0.05, range=3.0), modulus=1.0)
-    loop = cb.hysteresis(contact, control="displacement", max_load=500.0)
-    assert (loop.status, len(loop.jumps)) == ("complete", 5)
+    loop = cb.hysteresis(small_map(3), control="displacement", max_load=500.0)
+    assert (loop.status, len(loop.jumps)) == ("complete", 7)
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
