@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
-from contbranch.continuation import Problem, StopAt, switch_branch, trace_curve, trace_folds
+from contbranch.continuation import Crossing, Problem, StopAt, switch_branch, trace_curve, trace_folds
 
 
 class FreudensteinRoth(Problem):
@@ -197,6 +197,47 @@ def test_chafee_infante():
         u, slope = branch.x[-1], slopes @ np.linalg.solve(problem.modes, branch.x[-1])
         energy = slope**2 + highest * (u**2 - u**4 / 2)
         assert energy == pytest.approx(np.full(40, highest * (amplitude**2 - amplitude**4 / 2)), rel=1e-5)
+
+
+class Schnakenberg(Problem):
+    """u'' - u + u²v = 0, d v'' + p - u²v = 0 on (0, 8), no flux at the ends (J. Theor. Biol. 81 (1979) 389)."""
+
+    def __init__(self, n=30, ratio=60.0):
+        self.n, self.ratio = n, ratio
+        second = np.diag(np.full(n - 1, 1.0), 1) + np.diag(np.full(n - 1, 1.0), -1) - 2 * np.eye(n)
+        second[0, 0] = second[-1, -1] = -1.0
+        self.second = second * (n / 8.0) ** 2
+
+    def residual(self, x, p):
+        u, v = x[: self.n], x[self.n :]
+        return np.append(self.second @ u - u + u * u * v, self.ratio * (self.second @ v) + p - u * u * v)
+
+    def jacobian(self, x, p):
+        u, v = x[: self.n], x[self.n :]
+        own, other = np.diag(2 * u * v), np.diag(u * u)
+        return np.block([[self.second - np.eye(self.n) + own, other], [-own, self.ratio * self.second - other]])
+
+
+def test_branch_between_two_others_passes_both_pitchforks():
+    """It leaves the constants, u = p, and joins a wave of half its length at its own extremum of the parameter.
+
+    Next to both rounding hides the curve: neither that extremum nor an event at that very point ends it.
+    """
+    constants = trace_curve(Schnakenberg(), np.repeat([3.0, 1 / 3.0], 30), 3.0, (0.5, 3.0))
+    first = min(constants.branch_points, key=lambda point: point.parameter)
+    (branch,) = switch_branch(constants, first, (0.5, 3.0))
+    asymmetry = Crossing(lambda x, p: x[0] - x[29], name="symmetric")
+    start = branch.points[8]
+    again = trace_curve(Schnakenberg(), start.x, start.parameter, (0.5, 3.0), events=[asymmetry])
+    for curve in (branch, again):
+        assert curve.closed
+        assert not curve.folds
+        joined, left = sorted(curve.branch_points, key=lambda point: point.parameter)
+        assert left.parameter == pytest.approx(first.parameter, abs=1e-9)
+        assert (joined.type, left.type) == ("pitchfork", "pitchfork")
+        assert joined.x[:30] == pytest.approx(joined.x[29::-1], abs=1e-7)
+    symmetric = sorted(event.parameter for event in again.named("symmetric"))
+    assert symmetric == pytest.approx(sorted(point.parameter for point in again.branch_points), abs=1e-9)
 
 
 class NeumannGelfand(Waves):
