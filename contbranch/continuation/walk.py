@@ -87,8 +87,17 @@ def _normal(problem: Problem, direction: Direction, metric: Metric) -> Direction
     return metric.row(problem, *metric.unit(problem, *direction))
 
 
-# What rounding hides is interpolated between points that lie aside by this share of a segment, and so much rougher.
-BESIDE, ROUGHER = 0.01, 1e4
+# Rounding is larger by far next to branch points.
+ROUGHER = 1e4
+
+
+def roughly(options: Options) -> Options:
+    """Return the settings for points that may lie next to a branch point."""
+    return replace(options, noise=ROUGHER * options.noise) if options.detect_branch_points else options
+
+
+# What rounding hides is interpolated between points that lie aside by this share of a segment.
+BESIDE = 0.01
 
 
 class Across:
@@ -109,8 +118,8 @@ class Across:
         except CorrectionError:
             if not self.options.detect_branch_points:
                 raise
-        metric, rough = self.segment.metric, replace(self.options, noise=ROUGHER * self.options.noise)
-        around = Segment(*(self._corrected(theta + aside, rough) for aside in (-BESIDE, BESIDE)), metric)
+        metric, rough = self.segment.metric, roughly(self.options)
+        around = Segment(self._corrected(theta - BESIDE, rough), self._corrected(theta + BESIDE, rough), metric)
         direction = metric.unit(around.begin.problem, *around.direction(0.5))
         return Point(around.begin.problem, *around.at(0.5), *direction)
 

@@ -159,3 +159,21 @@ def test_branch_points_that_coincide_are_one():
     assert abs(point.parameter - 0.37) <= point.error < 1e-4
     with pytest.raises(InputError, match="more than two curves"):
         switch_branch(curve, point, (-1.0, 2.0))
+
+
+def test_three_branch_points_in_one_place_are_no_simple_one():
+    """The determinant changes its sign there as at a single one, but nothing tells the curves that cross."""
+
+    class Cells(Problem):
+        """Four cells alike: the mean loses its stability at p = 0, the three differences at p = -1/2."""
+
+        def residual(self, x, p):
+            return p * x + 0.4 * x**2 - x**3 + (x - x.mean()) / 2
+
+    curve = trace_curve(Cells(), np.zeros(4), -1.0, (-1.0, 2.0))
+    several, single = curve.branch_points
+    assert abs(several.parameter + 0.5) <= several.error < 1e-4
+    assert (several.type, single.type) == ("branch point", "transcritical")
+    assert abs(single.parameter) < 1e-15
+    with pytest.raises(InputError, match="more than two curves"):
+        switch_branch(curve, several, (-1.0, 2.0))

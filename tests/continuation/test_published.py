@@ -240,6 +240,73 @@ def test_branch_between_two_others_passes_both_pitchforks():
     assert symmetric == pytest.approx(sorted(point.parameter for point in again.branch_points), abs=1e-9)
 
 
+class Arch(Problem):
+    """A shallow sine arch of height h under a load of its own shape, in its first four modes."""
+
+    squares = np.arange(1.0, 5.0) ** 2
+
+    def __init__(self, height):
+        self.height = height
+        self.unloaded = np.array([height, 0.0, 0.0, 0.0])
+
+    def _thrust(self, x):
+        return float(self.squares @ (x**2 - self.unloaded**2)) / 4
+
+    def residual(self, x, p):
+        forces = self.squares**2 * (x - self.unloaded) + self._thrust(x) * self.squares * x
+        return forces + np.array([p, 0.0, 0.0, 0.0])
+
+    def jacobian(self, x, p):
+        products = np.outer(self.squares * x, self.squares * x) / 2
+        return np.diag(self.squares**2 + self._thrust(x) * self.squares) + products
+
+
+def buckling_loads(height):
+    """The thrust is k² where x₁² = h² - 4 k², p = h + (k² - 1) x₁; pairs of p."""
+    modes = [k for k in (2, 3, 4) if 2 * k < height]
+    return [[height + s * (k**2 - 1) * math.sqrt(height**2 - 4 * k**2) for s in (-1, 1)] for k in modes]
+
+
+def through(height):
+    """Stop where the arch hangs."""
+    return StopAt(predicate=lambda point: point.x[0] < -1.5 * height)
+
+
+@pytest.mark.parametrize("height", [5.0, 8.0, 12.0, 20.0])
+def test_arch_buckles_into_its_other_modes(height):
+    """On a branch from one point where the thrust is k² to the other.
+
+    Loads are of another order than heights, and at the points themselves the branches have their extrema.
+    """
+    edges, pairs = (-1e3, 3e3), buckling_loads(height)
+    curve = trace_curve(Arch(height), [height, 0.0, 0.0, 0.0], 0.0, edges, stop=through(height))
+    assert len(curve.folds) == 2
+    assert len(curve.branch_points) == 2 * len(pairs)
+    for point in curve.branch_points:
+        assert point.type == "pitchfork"
+        assert point.error < 1e-8
+        (branch,) = switch_branch(curve, point, edges)
+        assert branch.closed
+        assert not branch.folds
+        (pair,) = [pair for pair in pairs if min(abs(p - point.parameter) for p in pair) < 1e-10]
+        assert sorted(one.parameter for one in branch.branch_points) == pytest.approx(pair, abs=1e-8)
+
+
+@pytest.mark.parametrize("height", [5.0, 12.0, 20.0])
+def test_branch_points_without_a_jacobian(height):
+    """They are as accurate as residuals, however rough the differences that stand for derivatives."""
+
+    class Bare(Problem):
+        arch = Arch(height)
+
+        def residual(self, x, p):
+            return self.arch.residual(x, p)
+
+    curve = trace_curve(Bare(), [height, 0.0, 0.0, 0.0], 0.0, (-1e3, 3e3), stop=through(height))
+    expected = sorted(np.ravel(buckling_loads(height)))
+    assert sorted(point.parameter for point in curve.branch_points) == pytest.approx(expected, abs=1e-11)
+
+
 class NeumannGelfand(Waves):
     """u'' - u + λ eᵘ = 0 on (0, 1) with u' = 0 at both ends."""
 
