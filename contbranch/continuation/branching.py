@@ -97,7 +97,7 @@ def branch_points(
         return []
     if ahead is None:
         ahead = _matrix(end, segment)
-    if whole and segment.length > UNRESOLVED and _kinked(segment, ahead):
+    if segment.length > UNRESOLVED and (_kinked(segment, ahead) if whole else _bent(segment, options)):
         raise LeapError
     crossed = begin.determinant_sign != end.determinant_sign
     places = _singular(segment, ahead)
@@ -144,6 +144,17 @@ def _kinked(segment: Segment, ahead: Bordered) -> bool:
     off = metric.norm(problem, *solve(ahead, left, 0.0, p))
     astray = metric.norm(problem, *solve(ahead, (after - before) / (2 * ALONG), 0.0, p))
     return off > OFF * angle * segment.length or astray > ASTRAY * angle * metric.norm(problem, u, a)
+
+
+def _bent(segment: Segment, options: Options) -> bool:
+    """Whether a piece of a step turns by more than a step may: it has come to another curve in between.
+
+    Where two curves pass each other, what goes straight on from the one to the other has such pieces.
+    """
+    metric, problem = segment.metric, segment.begin.problem
+    chord = metric.unit(problem, *segment.chord)
+    angles = [metric.angle(problem, *_tangent(point, segment), *chord) for point in (segment.begin, segment.end)]
+    return max(angles) > options.angle_limit
 
 
 def _singular(segment: Segment, ahead: Bordered) -> list[float]:
