@@ -182,7 +182,7 @@ def test_three_branch_points_in_one_place_are_no_simple_one():
 @pytest.mark.parametrize("start", [1.9, 2.2, 2.5])
 @pytest.mark.parametrize("apart", [1e-4, 1e-5, 1e-6, 1e-7])
 def test_curves_that_all_but_cross_are_told_apart(start, apart):
-    """x³ - 3 x + 2 (p² - 1) = ε turns beside (-1, 0), at p² = ε/2, rather than go straight on through a branch point."""
+    """x³ - 3 x + 2 (p² - 1) = ε turns beside (-1, 0), at p² = ε/2, rather than go straight on."""
     problem = Scalar(lambda x, p: x**3 - 3 * x + 2 * (p**2 - 1) - apart, lambda x, p: 3 * x**2 - 3, lambda x, p: 4 * p)
     curve = trace_curve(problem, [-2.5], start, (-3.0, 3.0))
     assert curve.status == "complete"

@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
-from contbranch.continuation import Crossing, Problem, StopAt, switch_branch, trace_curve, trace_folds
+from contbranch.continuation import Crossing, Outcome, Problem, StopAt, switch_branch, trace_curve, trace_folds
 
 
 class FreudensteinRoth(Problem):
@@ -152,6 +152,25 @@ def test_bratu_on_the_square_loses_its_symmetries_where_eigenvalues_vanish():
     found = [(growing(event.index - 1), growing(event.index + 1)) for event in curve.events]
     assert found == [(0, 1), (1, 3), (3, 4)]
     assert all(event.error < 1e-3 * event.parameter for event in curve.branch_points)
+
+
+class SpaceBratu(PlaneBratu):
+    """The same in the unit cube."""
+
+    def __init__(self, n):
+        super().__init__(n)
+        line = sparse.diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=(n, n)) * (n + 1.0) ** 2
+        self.laplace = sparse.csc_array(
+            sparse.kron(self.laplace, sparse.eye_array(n)) + sparse.kron(sparse.eye_array(n * n), line)
+        )
+
+
+def test_bratu_in_the_cube_has_nothing_but_its_fold():
+    """Where λ falls to nothing while u grows, it is but rounding, and so are the folds that it might show."""
+    curve = trace_curve(SpaceBratu(5), np.zeros(125), 0.0, (0.0, 14.0))
+    assert curve.ends[1].outcome is Outcome.APPROACHES_EDGE
+    assert [event.kind for event in curve.events] == ["fold"]
+    assert curve.folds[0].parameter == pytest.approx(9.908353276, abs=1e-9)
 
 
 class Waves(Problem):
