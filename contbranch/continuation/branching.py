@@ -342,8 +342,7 @@ def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
         rate = _derivative(problem, x, p, direction, metric)
         return multiplier + solved(-rate - multiplier * null_vectors[0], 0.0, 0.0)[1]
 
-    kind = type(problem)
-    if kind.jacobian is Problem.jacobian and kind.linearise is Problem.linearise:
+    if _differenced(problem):
         mu_alpha, mu_beta = slope(alpha, mu_alpha), slope(beta, mu_beta)
 
     def bend(direction: Direction) -> float:
@@ -356,6 +355,12 @@ def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
     both = (alpha[0] + scale * beta[0], alpha[1] + scale * beta[1])
     ab = (bend(both) - aa - scale**2 * bb) / (2 * scale)
     return _Saddle(back, mu, np.array([mu_alpha, mu_beta]), np.array([[aa, ab], [ab, bb]]), alpha, beta)
+
+
+def _differenced(problem: Problem) -> bool:
+    """Whether the problem leaves its Jacobian to differences."""
+    kind = type(problem)
+    return kind.jacobian is Problem.jacobian and kind.linearise is Problem.linearise
 
 
 def _derivative(problem: Problem, x: Array, p: float, along: Direction, metric: Metric) -> Array:
@@ -414,8 +419,9 @@ def _report(
     flat = min(abs(along[1]), abs(other[1])) < FLAT * metric.parameter_scale
     type_: Kind = "pitchfork" if flat else "transcritical"
     point = Point(problem, x, p, along[0], along[1], label="branch point")
-    error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p)
-    state_error = 4 * size_of(problem, dx) + 4 * ROUNDING * size_of(problem, x)
+    rough = _FIFTH_ROOT_OF_ROUNDING**4 if _differenced(problem) else 0.0  # of differences of fourth order
+    error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p) + 4 * rough * metric.parameter_scale
+    state_error = 4 * size_of(problem, dx) + 4 * ROUNDING * size_of(problem, x) + 4 * rough * metric.state_scale
     scales = (metric.state_scale, metric.parameter_scale)
     other_x, other_p = other
     return theta, BranchPoint(

@@ -70,6 +70,22 @@ def test_every_branch_point_with_its_change_of_index():
     assert curve.morse_index[-1] == 3
 
 
+@pytest.mark.parametrize("of_equations", [1.0, 1e10])
+@pytest.mark.parametrize("of_parameter", [1e-8, 1.0, 1e8])
+def test_units_do_not_matter_to_branch_points(of_parameter, of_equations):
+    class Scaled(Problem):
+        def residual(self, x, p):
+            return of_equations * Ring().residual(x, p / of_parameter)
+
+        def jacobian(self, x, p):
+            return of_equations * Ring().jacobian(x, p / of_parameter)
+
+    curve = trace_curve(Scaled(), np.zeros(3), 0.0, (0.0, 3.0 * of_parameter))
+    places = [point.parameter / of_parameter for point in curve.branch_points]
+    assert places == pytest.approx([0.5, 1.25, 2.0], abs=1e-12)
+    assert all(point.type == "pitchfork" for point in curve.branch_points)
+
+
 class Double(Ring):
     """Two eigenvalues cross at once: the determinant keeps its sign, the Morse index does not."""
 
@@ -174,7 +190,7 @@ def test_three_branch_points_in_one_place_are_no_simple_one():
     several, single = curve.branch_points
     assert abs(several.parameter + 0.5) <= several.error < 1e-4
     assert (several.type, single.type) == ("branch point", "transcritical")
-    assert abs(single.parameter) < 1e-15
+    assert abs(single.parameter) <= single.error < 1e-11
     with pytest.raises(InputError, match="more than two curves"):
         switch_branch(curve, several, (-1.0, 2.0))
 
