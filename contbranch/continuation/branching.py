@@ -29,6 +29,8 @@ UNRESOLVED = 1e-5
 # Down to this length a branch point that is not found says that the step has leapt; below it, where the matrices at
 # both ends foretell it, that it is no simple one.
 SHORT = 0.02
+# ... and that rounding hides the curve between several.
+HIDDEN = 1e-3
 # Share of what follows by which a matrix is taken beside the place where it is singular.
 SINGULAR = 1e-9
 _FIFTH_ROOT_OF_ROUNDING = ROUNDING**0.2
@@ -119,7 +121,7 @@ def branch_points(
         bordered = _matrix(point, segment)
     except CorrectionError:
         # Next to several that coincide rounding hides the curve.
-        if segment.length > SHORT or len(places) <= 1:
+        if segment.length > HIDDEN or len(places) <= 1:
             raise
         return _coinciding(segment)
     point = replace(point, determinant_sign=bordered.determinant_sign())
@@ -390,10 +392,10 @@ def _simple(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
     if x.size == 1:
         return True
     problem, metric = segment.begin.problem, segment.metric
-    any_ = np.append(np.cos(1.0 + np.arange(x.size) ** 2 % 7919), 0.0)
+    load = np.append(np.cos(1.0 + np.arange(x.size) ** 2 % 7919), 0.0)
     sizes = []
     for at, q in ((x, p), (segment.begin.x, segment.begin.parameter), (segment.end.x, segment.end.parameter)):
-        y, _ = solve(_augmented(linearise(problem, at, q), row, null_vectors), any_, 0.0, q)
+        y, _ = solve(_augmented(linearise(problem, at, q), row, null_vectors), load, 0.0, q)
         sizes.append(metric.norm(problem, y[:-1], float(y[-1])))
     return sizes[0] < SEVERAL * max(sizes[1:])
 

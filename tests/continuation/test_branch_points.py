@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from continuation_problems import Scalar, pitchfork
 
-from contbranch.continuation import Outcome, Problem, switch_branch, trace_curve
+from contbranch.continuation import Outcome, Problem, StopAt, switch_branch, trace_curve
 from contbranch.errors import InputError
 
 
@@ -151,6 +151,21 @@ def test_all_branch_points_of_a_step():
         if len(found) != len(problem.places) or np.abs(found - problem.places).max() > 1e-8:
             missed.append((seed, found, problem.places))
     assert len(missed) <= 1, missed
+
+
+@pytest.mark.parametrize(("seed", "apart"), [(5, 1e-5), (5, 1e-6), (8, 1e-6), (25, 1e-6), (1, 1e-7)])
+def test_no_branch_points_where_curves_pass_each_other(seed, apart):
+    """The same with constants of this order added to the equations, none of which keeps two curves crossing."""
+
+    class Apart(Crossed):
+        def residual(self, x, p):
+            return super().residual(x, p) + apart * np.random.default_rng(seed + 999).normal(size=x.size)
+
+    problem = Apart(seed)
+    end = StopAt(predicate=lambda point: np.abs(problem.own(point.x, point.parameter)).max() > 3)
+    curve = trace_curve(problem, problem.start(-0.5), -0.5, (-0.5, 1.5), stop=end)
+    assert curve.status == "complete"
+    assert curve.branch_points == []
 
 
 def test_branch_points_beside_the_one_that_is_left():
