@@ -9,12 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, bordered_matrix, factorise
+from contbranch.continuation.bordered import Bordered, SingularBorderedError, as_matrix, bordered_matrix, factorise
 from contbranch.continuation.curve import BranchPoint, Outcome, Point
 from contbranch.continuation.folds import second_derivative
+from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Array, Direction, Problem, size_of
+from contbranch.continuation.problem import Array, Direction, Linearisation, Problem, size_of
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import point_on
 
@@ -28,6 +29,13 @@ UNRESOLVED = 1e-5
 # Down to this length a branch point that is not found says that the step has leapt; below it, where the matrices at
 # both ends foretell it, that it is no simple one.
 SHORT = 0.02
+# ... and that rounding hides the curve between several.
+HIDDEN = 1e-3
+# Share of what follows by which a matrix is taken beside the place where it is singular.
+SINGULAR = 1e-9
+_FIFTH_ROOT_OF_ROUNDING = ROUNDING**0.2
+# Several branch points are in one place where a solution is larger than at the ends of the step by this factor.
+SEVERAL = 1e2
 # Dimensions of the space in which the largest eigenvalues of a pencil are looked for.
 SPACE = 10
 # A step that has passed to another curve is farther off its own cubic in the middle, as a share of its length and the
@@ -91,17 +99,17 @@ def branch_points(
         return []
     if ahead is None:
         ahead = _matrix(end, segment)
-    if whole and segment.length > UNRESOLVED and _kinked(segment, ahead):
+    if segment.length > UNRESOLVED and (_kinked(segment, ahead) if whole else _bent(segment, options)):
         raise LeapError
     crossed = begin.determinant_sign != end.determinant_sign
     places = _singular(segment, ahead)
     if not places and not crossed:
         return []
     if len(places) <= 1 and crossed:
-        found = locate_branch_point(segment) or unresolved_branch_point(segment)
+        foretold = places[0] if places else 0.5
+        found = locate_branch_point(segment, foretold) or unresolved_branch_point(segment)
         if found is None and (segment.length > SHORT or not places):
             raise LeapError
-        foretold = places[0] if places else 0.5
         near = found is not None and abs(found[0] - foretold) <= NEAR * min(foretold, 1.0 - foretold)
         if found is not None and (near or segment.length <= UNRESOLVED):
             return [found]
@@ -113,7 +121,7 @@ def branch_points(
         bordered = _matrix(point, segment)
     except CorrectionError:
         # Next to several that coincide rounding hides the curve.
-        if segment.length > SHORT or len(places) <= 1:
+        if segment.length > HIDDEN or len(places) <= 1:
             raise
         return _coinciding(segment)
     point = replace(point, determinant_sign=bordered.determinant_sign())
@@ -138,6 +146,17 @@ def _kinked(segment: Segment, ahead: Bordered) -> bool:
     off = metric.norm(problem, *solve(ahead, left, 0.0, p))
     astray = metric.norm(problem, *solve(ahead, (after - before) / (2 * ALONG), 0.0, p))
     return off > OFF * angle * segment.length or astray > ASTRAY * angle * metric.norm(problem, u, a)
+
+
+def _bent(segment: Segment, options: Options) -> bool:
+    """Whether a piece of a step turns by more than a step may: it has come to another curve in between.
+
+    Where two curves pass each other, what goes straight on from the one to the other has such pieces.
+    """
+    metric, problem = segment.metric, segment.begin.problem
+    chord = metric.unit(problem, *segment.chord)
+    angles = [metric.angle(problem, *_tangent(point, segment), *chord) for point in (segment.begin, segment.end)]
+    return max(angles) > options.angle_limit
 
 
 def _singular(segment: Segment, ahead: Bordered) -> list[float]:
@@ -208,8 +227,10 @@ def _between(places: list[float]) -> float:
     return before * (1.0 - ASIDE) if before > behind else 1.0 - behind * (1.0 - ASIDE)
 
 
-def locate_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
+def locate_branch_point(segment: Segment, start: float) -> tuple[float, BranchPoint] | None:
     """Locate the branch point between two points of opposite determinant; None if there is none after all.
+
+    The start is where the matrices at both ends foretell it.
 
     Near a branch point the matrix [J Fp; tᵀ] is singular, but with its left and right null vectors l and r
 
@@ -230,9 +251,9 @@ def locate_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
     """
     problem, metric = segment.begin.problem, segment.metric
     try:
-        start, row, left, right = _reduction(segment)
+        row, left, right = _reduction(segment, start)
         x, p = segment.at(start)
-        previous = math.inf
+        previous, stalled = math.inf, False
         for _ in range(15):
             saddle = _saddle(segment, x, p, row, (left, right))
             step = -np.linalg.solve(saddle.hessian, saddle.gradient)
@@ -242,8 +263,11 @@ def locate_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
             if not size <= 2 * segment.length:
                 return None
             x, p = x + dx, float(p + dp)
-            if size <= 1e-13 or (size < 1e-7 and size > 0.1 * previous):
-                return _report(segment, saddle, x, p, dx, dp)
+            # Once, a correction back onto the curve may be as large as the one before along it.
+            again, stalled = stalled, size < 1e-7 and size > 0.1 * previous
+            if size <= 1e-13 or (stalled and again):
+                simple = _simple(segment, x, p, row, (left, right))
+                return _report(segment, saddle, x, p, dx, dp) if simple else None
             previous = size
     except (CorrectionError, np.linalg.LinAlgError):
         return None
@@ -270,60 +294,41 @@ def _within(segment: Segment) -> tuple[float, BranchPoint]:
     return 0.5, BranchPoint(point, abs(segment.end.parameter - segment.begin.parameter), state_error)
 
 
-def _reduction(segment: Segment) -> tuple[float, Direction, Array, Array]:
-    """Return a first guess of θ, the row t, and the null vectors l and r of the nearer end's bordered matrix."""
+def _reduction(segment: Segment, theta: float) -> tuple[Direction, Array, Array]:
+    """Return the row t, and the null vectors l (n) and r (as a row, n+1) of the matrix interpolated at θ.
+
+    Inverse iteration at either end would find what is smallest there, which depends on units: this one is singular.
+    """
     problem, metric = segment.begin.problem, segment.metric
     row = metric.row(problem, *metric.unit(problem, *segment.chord))
-    ends = []
-    for point in (segment.begin, segment.end):
-        at = linearise(problem, point.x, point.parameter)
-        ends.append(border(problem, point.x, point.parameter, at, row))
-    vectors = [_null_vectors(bordered, row[0].size) for bordered in ends]
-    nearer = 0 if vectors[0][2] < vectors[1][2] else 1
-    left, right, _ = vectors[nearer]
-    begin, end = (_test(bordered, left, right) for bordered in ends)
-    theta = begin / (begin - end) if begin * end < 0 else 0.5
-    return theta, row, left, right
-
-
-def _null_vectors(bordered: Bordered, n: int) -> tuple[Array, Array, float]:
-    """Return approximate left and right null vectors (n+1) by inverse iteration, and the singular value."""
-    right = np.append(np.cos(1.0 + np.arange(n) ** 2 % 7919), 0.5)
-    left = right
-    value = math.inf
-    for _ in range(3):
+    n, rest = row[0].size, SINGULAR * (1.0 - theta)  # beside it: exact zeros have no factors
+    (_, first, before), (_, last, after) = (
+        linearise(problem, point.x, point.parameter) for point in (segment.begin, segment.end)
+    )
+    share = theta + rest
+    jacobian = (1.0 - share) * as_matrix(first) + share * as_matrix(last)
+    bordered = border(
+        problem, *segment.at(theta), Linearisation(before, jacobian, before + share * (after - before)), row
+    )
+    left = np.cos(1.0 + np.arange(n) ** 2 % 7919)
+    for _ in range(2):
+        u, a = solve(bordered, left, 0.0, segment.begin.parameter)
+        u, a = metric.unit(problem, u, a)
+        right = np.append(*metric.row(problem, u, a))
         solved = bordered.solve_transposed(right[:n], float(right[n]))
         if solved is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No transposed solves.)")
-        left = np.append(*solved)
-        left /= np.linalg.norm(left)
-        right = np.append(*bordered.solve(left[:n], float(left[n])))
-        value = 1 / float(np.linalg.norm(right))
-        right *= value
-    if not np.all(np.isfinite(right)):
+        left = solved[0] / np.linalg.norm(solved[0])
+    if not np.all(np.isfinite(left)):
         raise CorrectionError(Outcome.NOT_FINITE, "(The bordered matrix is singular.)")
-    return left, right, value
-
-
-def _test(bordered: Bordered, left: Array, right: Array) -> float:
-    """Return τ = 1/(rᵀ M⁻¹ l), which vanishes where M is singular and is smooth along the curve."""
-    u, a = bordered.solve(left[:-1], float(left[-1]))
-    value = float(right[:-1] @ u) + float(right[-1]) * a
-    return 1 / value if value != 0.0 else math.inf
+    return row, left, right
 
 
 def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: tuple[Array, Array]) -> _Saddle:
     """Return μ with its derivatives at (x, p)."""
-    problem, metric = segment.begin.problem, segment.metric
-    left, right = null_vectors
+    problem, metric, n = segment.begin.problem, segment.metric, x.size
     at = linearise(problem, x, p)
-    n = x.size
-    # μ belongs to F alone: the row t stays exact, so that α is a coordinate.
-    column = np.append(left[:n], 0.0)
-    try:
-        matrix = factorise(bordered_matrix(at[1], at[2], *row), column, right, 0.0)
-    except SingularBorderedError as error:
-        raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
+    matrix = _augmented(at, row, null_vectors)
 
     def solved(f: Array, g: float, h: float) -> tuple[Direction, float]:
         y, multiplier = solve(matrix, np.append(f, g), h, p)
@@ -333,6 +338,14 @@ def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
     back, mu = solved(-at[0], 0.0, 0.0)
     alpha, mu_alpha = solved(nothing, 1.0, 0.0)
     beta, mu_beta = solved(nothing, 0.0, 1.0)
+
+    def slope(direction: Direction, multiplier: float) -> float:
+        """The multiplier's rate along a direction, free from the errors of a matrix of differences."""
+        rate = _derivative(problem, x, p, direction, metric)
+        return multiplier + solved(-rate - multiplier * null_vectors[0], 0.0, 0.0)[1]
+
+    if _differenced(problem):
+        mu_alpha, mu_beta = slope(alpha, mu_alpha), slope(beta, mu_beta)
 
     def bend(direction: Direction) -> float:
         d = second_derivative(problem, x, p, direction, metric, at[0])
@@ -344,6 +357,47 @@ def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
     both = (alpha[0] + scale * beta[0], alpha[1] + scale * beta[1])
     ab = (bend(both) - aa - scale**2 * bb) / (2 * scale)
     return _Saddle(back, mu, np.array([mu_alpha, mu_beta]), np.array([[aa, ab], [ab, bb]]), alpha, beta)
+
+
+def _differenced(problem: Problem) -> bool:
+    """Whether the problem leaves its Jacobian to differences."""
+    kind = type(problem)
+    return kind.jacobian is Problem.jacobian and kind.linearise is Problem.linearise
+
+
+def _derivative(problem: Problem, x: Array, p: float, along: Direction, metric: Metric) -> Array:
+    """Return the derivative of F along a direction, by differences of fourth order."""
+    u, a = along
+    step = _FIFTH_ROOT_OF_ROUNDING / metric.norm(problem, u, a)
+    near, far = (
+        (residual(problem, x + s * u, p + s * a) - residual(problem, x - s * u, p - s * a)) / (2 * s)
+        for s in (step, 2 * step)
+    )
+    return np.asarray((4 * near - far) / 3)
+
+
+def _augmented(at: Linearisation, row: Direction, null_vectors: tuple[Array, Array]) -> Bordered:
+    """Factorise the matrix with both null vectors, or raise CorrectionError."""
+    left, right = null_vectors
+    # μ belongs to F alone: the row t stays exact, so that α is a coordinate.
+    column = np.append(left, 0.0)
+    try:
+        return factorise(bordered_matrix(at[1], at[2], *row), column, right, 0.0)
+    except SingularBorderedError as error:
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
+
+
+def _simple(segment: Segment, x: Array, p: float, row: Direction, null_vectors: tuple[Array, Array]) -> bool:
+    """Whether no more than two curves cross: otherwise the matrix with both null vectors is singular, too."""
+    if x.size == 1:
+        return True
+    problem, metric = segment.begin.problem, segment.metric
+    load = np.append(np.cos(1.0 + np.arange(x.size) ** 2 % 7919), 0.0)
+    sizes = []
+    for at, q in ((x, p), (segment.begin.x, segment.begin.parameter), (segment.end.x, segment.end.parameter)):
+        y, _ = solve(_augmented(linearise(problem, at, q), row, null_vectors), load, 0.0, q)
+        sizes.append(metric.norm(problem, y[:-1], float(y[-1])))
+    return sizes[0] < SEVERAL * max(sizes[1:])
 
 
 def _report(
@@ -367,8 +421,9 @@ def _report(
     flat = min(abs(along[1]), abs(other[1])) < FLAT * metric.parameter_scale
     type_: Kind = "pitchfork" if flat else "transcritical"
     point = Point(problem, x, p, along[0], along[1], label="branch point")
-    error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p)
-    state_error = 4 * size_of(problem, dx) + 4 * ROUNDING * size_of(problem, x)
+    rough = _FIFTH_ROOT_OF_ROUNDING**4 if _differenced(problem) else 0.0  # of differences of fourth order
+    error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p) + 4 * rough * metric.parameter_scale
+    state_error = 4 * size_of(problem, dx) + 4 * ROUNDING * size_of(problem, x) + 4 * rough * metric.state_scale
     scales = (metric.state_scale, metric.parameter_scale)
     other_x, other_p = other
     return theta, BranchPoint(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.branching import LeapError
-from contbranch.continuation.curve import End, Fold, Located, Outcome, Point
+from contbranch.continuation.curve import End, EventPoint, Fold, Located, Outcome, Point
 from contbranch.continuation.edge import Range, closes, land
 from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance
@@ -219,13 +219,19 @@ class _Direction:
             end = End(Outcome.REACHED_EDGE)
         if end is None:
             segment, end = self._arrives(segment)
+            if end is not None:  # so close to the edge changes of the parameter are but rounding
+                happenings = [h for h in happenings if isinstance(h.event, EventPoint) or not self._at_edge(h.event)]
         return segment, happenings, end
+
+    def _at_edge(self, at: Point | Located) -> bool:
+        return self.interval.edge_close_to(at.parameter, self.options.edge_tolerance) is not None
 
     def _arrives(self, segment: Segment) -> tuple[Segment, End | None]:
         """End the curve where it comes to an edge, or so close to it without crossing that it never will."""
         point = segment.end
         edge = self.interval.edge_close_to(point.parameter, self.options.edge_tolerance)
-        if edge is None or (edge - point.parameter) * point.tangent_parameter < 0:
+        leaves = edge is not None and (edge - point.parameter) * point.tangent_parameter < 0
+        if edge is None or (leaves and self._at_edge(segment.begin)):
             return segment, None
         if point.parameter == edge:
             return segment, End(Outcome.REACHED_EDGE)

@@ -46,7 +46,8 @@ class Options:
     edge_tolerance : float
         A curve that comes this close to an edge (as a share of the range's width) without crossing it ends there.
     detect_folds, detect_branch_points : bool
-        What to look for besides the user's events.
+        What to look for besides the user's events. Branch points show in the sign of a determinant, which a Jacobian
+        without matrix does not tell: with a LinearOperator none are found.
     """
 
     angle: float = 0.3

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.branching import branch_points
-from contbranch.continuation.curve import EventPoint, Fold, IndexChange, Located, Point
+from contbranch.continuation.curve import BranchPoint, EventPoint, Fold, IndexChange, Located, Point
 from contbranch.continuation.events import BEYOND, Bracket, Event, Happening, Probe
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.newton import CorrectionError
@@ -24,6 +24,8 @@ VERTICAL = 1e-13
 # curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
 COINCIDENT = 1e-6
 COINCIDENT_ON_CURVE = 1e-2
+# ... and so is one next to a branch point at which the curve itself has no more than this slope (in the metric).
+LEVEL = 1e-6
 # How often a step is halved to explain a change of the Morse index.
 HALVINGS = 40
 
@@ -92,10 +94,12 @@ def _fold(bracket: Bracket, probe: Probe) -> Happening:
     return replace(fold, theta=bracket.whole(fold.theta))
 
 
-def _coincident(segment: Segment, fold: Located, branch: Located) -> bool:
+def _coincident(segment: Segment, fold: Located, branch: BranchPoint) -> bool:
     """Whether an extremum of the parameter is that of a curve through a pitchfork rather than a fold."""
-    away = segment.metric.norm(segment.begin.problem, fold.x - branch.x, fold.parameter - branch.parameter)
-    certain = isinstance(fold, Fold) and math.isfinite(fold.curvature)
+    metric = segment.metric
+    away = metric.norm(segment.begin.problem, fold.x - branch.x, fold.parameter - branch.parameter)
+    level = abs(branch.point.tangent_parameter) < LEVEL * metric.parameter_scale
+    certain = isinstance(fold, Fold) and math.isfinite(fold.curvature) and not level
     return away < (COINCIDENT if certain else COINCIDENT_ON_CURVE) * segment.length
 
 

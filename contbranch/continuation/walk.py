@@ -87,10 +87,24 @@ def _normal(problem: Problem, direction: Direction, metric: Metric) -> Direction
     return metric.row(problem, *metric.unit(problem, *direction))
 
 
+# Rounding is larger by far next to branch points.
+ROUGHER = 1e4
+
+
+def roughly(options: Options) -> Options:
+    """Return the settings for points that may lie next to a branch point."""
+    return replace(options, noise=ROUGHER * options.noise) if options.detect_branch_points else options
+
+
+# What rounding hides is interpolated between points that lie aside by this share of a segment.
+BESIDE = 0.01
+
+
 class Across:
     """Points of the curve next to a segment, in planes normal to its direction at one fraction θ.
 
-    They share a bordered matrix as far as it serves.
+    They share a bordered matrix as far as it serves. Next to a branch point it is all but singular and rounding hides
+    the curve: what cannot be corrected there is interpolated between points a little way off.
     """
 
     def __init__(self, segment: Segment, theta: float, options: Options) -> None:
@@ -99,9 +113,20 @@ class Across:
 
     def at(self, theta: float) -> Point:
         """The point at the fraction θ of the segment."""
+        try:
+            return self._corrected(theta, self.options)
+        except CorrectionError:
+            if not self.options.detect_branch_points:
+                raise
+        metric, rough = self.segment.metric, roughly(self.options)
+        around = Segment(self._corrected(theta - BESIDE, rough), self._corrected(theta + BESIDE, rough), metric)
+        direction = metric.unit(around.begin.problem, *around.direction(0.5))
+        return Point(around.begin.problem, *around.at(0.5), *direction)
+
+    def _corrected(self, theta: float, options: Options) -> Point:
         segment = self.segment
         problem, metric, near = segment.begin.problem, segment.metric, segment.at(theta)
-        point, self.bordered = corrected_point(problem, near, self.direction, metric, self.options, self.bordered)
+        point, self.bordered = corrected_point(problem, near, self.direction, metric, options, self.bordered)
         return point
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from continuation_problems import Scalar, pitchfork
 
-from contbranch.continuation import Outcome, Problem, switch_branch, trace_curve
+from contbranch.continuation import Outcome, Problem, StopAt, switch_branch, trace_curve
 from contbranch.errors import InputError
 
 
@@ -68,6 +68,22 @@ def test_every_branch_point_with_its_change_of_index():
     assert [point.parameter for point in curve.branch_points] == pytest.approx([0.5, 1.25, 2.0], abs=1e-9)
     assert curve.morse_index[0] == 0
     assert curve.morse_index[-1] == 3
+
+
+@pytest.mark.parametrize("of_equations", [1.0, 1e10])
+@pytest.mark.parametrize("of_parameter", [1e-8, 1.0, 1e8])
+def test_units_do_not_matter_to_branch_points(of_parameter, of_equations):
+    class Scaled(Problem):
+        def residual(self, x, p):
+            return of_equations * Ring().residual(x, p / of_parameter)
+
+        def jacobian(self, x, p):
+            return of_equations * Ring().jacobian(x, p / of_parameter)
+
+    curve = trace_curve(Scaled(), np.zeros(3), 0.0, (0.0, 3.0 * of_parameter))
+    places = [point.parameter / of_parameter for point in curve.branch_points]
+    assert places == pytest.approx([0.5, 1.25, 2.0], abs=1e-12)
+    assert all(point.type == "pitchfork" for point in curve.branch_points)
 
 
 class Double(Ring):
@@ -137,6 +153,21 @@ def test_all_branch_points_of_a_step():
     assert len(missed) <= 1, missed
 
 
+@pytest.mark.parametrize(("seed", "apart"), [(5, 1e-5), (5, 1e-6), (8, 1e-6), (25, 1e-6), (1, 1e-7)])
+def test_no_branch_points_where_curves_pass_each_other(seed, apart):
+    """The same with constants of this order added to the equations, none of which keeps two curves crossing."""
+
+    class Apart(Crossed):
+        def residual(self, x, p):
+            return super().residual(x, p) + apart * np.random.default_rng(seed + 999).normal(size=x.size)
+
+    problem = Apart(seed)
+    end = StopAt(predicate=lambda point: np.abs(problem.own(point.x, point.parameter)).max() > 3)
+    curve = trace_curve(problem, problem.start(-0.5), -0.5, (-0.5, 1.5), stop=end)
+    assert curve.status == "complete"
+    assert curve.branch_points == []
+
+
 def test_branch_points_beside_the_one_that_is_left():
     """The other curve is left so closely that what crosses it next to there is seen, too."""
     problem = Crossed(0)
@@ -159,3 +190,33 @@ def test_branch_points_that_coincide_are_one():
     assert abs(point.parameter - 0.37) <= point.error < 1e-4
     with pytest.raises(InputError, match="more than two curves"):
         switch_branch(curve, point, (-1.0, 2.0))
+
+
+def test_three_branch_points_in_one_place_are_no_simple_one():
+    """The determinant changes its sign there as at a single one, but nothing tells the curves that cross."""
+
+    class Cells(Problem):
+        """Four cells alike: the mean loses its stability at p = 0, the three differences at p = -1/2."""
+
+        def residual(self, x, p):
+            return p * x + 0.4 * x**2 - x**3 + (x - x.mean()) / 2
+
+    curve = trace_curve(Cells(), np.zeros(4), -1.0, (-1.0, 2.0))
+    several, single = curve.branch_points
+    assert abs(several.parameter + 0.5) <= several.error < 1e-4
+    assert (several.type, single.type) == ("branch point", "transcritical")
+    assert abs(single.parameter) <= single.error < 1e-11
+    with pytest.raises(InputError, match="more than two curves"):
+        switch_branch(curve, several, (-1.0, 2.0))
+
+
+@pytest.mark.parametrize("start", [1.9, 2.2, 2.5])
+@pytest.mark.parametrize("apart", [1e-4, 1e-5, 1e-6, 1e-7])
+def test_curves_that_all_but_cross_are_told_apart(start, apart):
+    """x³ - 3 x + 2 (p² - 1) = ε turns beside (-1, 0), at p² = ε/2, rather than go straight on."""
+    problem = Scalar(lambda x, p: x**3 - 3 * x + 2 * (p**2 - 1) - apart, lambda x, p: 3 * x**2 - 3, lambda x, p: 4 * p)
+    curve = trace_curve(problem, [-2.5], start, (-3.0, 3.0))
+    assert curve.status == "complete"
+    assert curve.branch_points == []
+    near, far = np.sqrt(apart / 2), np.sqrt(2 + apart / 2)
+    assert sorted(fold.parameter for fold in curve.folds) == pytest.approx([-far, -near, near, far], abs=1e-10)

@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
-from contbranch.continuation import Problem, StopAt, switch_branch, trace_curve, trace_folds
+from contbranch.continuation import Crossing, Outcome, Problem, StopAt, switch_branch, trace_curve, trace_folds
 
 
 class FreudensteinRoth(Problem):
@@ -154,6 +154,25 @@ def test_bratu_on_the_square_loses_its_symmetries_where_eigenvalues_vanish():
     assert all(event.error < 1e-3 * event.parameter for event in curve.branch_points)
 
 
+class SpaceBratu(PlaneBratu):
+    """The same in the unit cube."""
+
+    def __init__(self, n):
+        super().__init__(n)
+        line = sparse.diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=(n, n)) * (n + 1.0) ** 2
+        self.laplace = sparse.csc_array(
+            sparse.kron(self.laplace, sparse.eye_array(n)) + sparse.kron(sparse.eye_array(n * n), line)
+        )
+
+
+def test_bratu_in_the_cube_has_nothing_but_its_fold():
+    """Where λ falls to nothing while u grows, it is but rounding, and so are the folds that it might show."""
+    curve = trace_curve(SpaceBratu(5), np.zeros(125), 0.0, (0.0, 14.0))
+    assert curve.ends[1].outcome is Outcome.APPROACHES_EDGE
+    assert [event.kind for event in curve.events] == ["fold"]
+    assert curve.folds[0].parameter == pytest.approx(9.908353276, abs=1e-9)
+
+
 class Waves(Problem):
     """A second derivative in the basis of its n lowest modes, on the points of a fast transform."""
 
@@ -197,6 +216,114 @@ def test_chafee_infante():
         u, slope = branch.x[-1], slopes @ np.linalg.solve(problem.modes, branch.x[-1])
         energy = slope**2 + highest * (u**2 - u**4 / 2)
         assert energy == pytest.approx(np.full(40, highest * (amplitude**2 - amplitude**4 / 2)), rel=1e-5)
+
+
+class Schnakenberg(Problem):
+    """u'' - u + u²v = 0, d v'' + p - u²v = 0 on (0, 8), no flux at the ends (J. Theor. Biol. 81 (1979) 389)."""
+
+    def __init__(self, n=30, ratio=60.0):
+        self.n, self.ratio = n, ratio
+        second = np.diag(np.full(n - 1, 1.0), 1) + np.diag(np.full(n - 1, 1.0), -1) - 2 * np.eye(n)
+        second[0, 0] = second[-1, -1] = -1.0
+        self.second = second * (n / 8.0) ** 2
+
+    def residual(self, x, p):
+        u, v = x[: self.n], x[self.n :]
+        return np.append(self.second @ u - u + u * u * v, self.ratio * (self.second @ v) + p - u * u * v)
+
+    def jacobian(self, x, p):
+        u, v = x[: self.n], x[self.n :]
+        own, other = np.diag(2 * u * v), np.diag(u * u)
+        return np.block([[self.second - np.eye(self.n) + own, other], [-own, self.ratio * self.second - other]])
+
+
+def test_branch_between_two_others_passes_both_pitchforks():
+    """It leaves the constants, u = p, and joins a wave of half its length at its own extremum of the parameter.
+
+    Next to both rounding hides the curve: neither that extremum nor an event at that very point ends it.
+    """
+    constants = trace_curve(Schnakenberg(), np.repeat([3.0, 1 / 3.0], 30), 3.0, (0.5, 3.0))
+    first = min(constants.branch_points, key=lambda point: point.parameter)
+    (branch,) = switch_branch(constants, first, (0.5, 3.0))
+    asymmetry = Crossing(lambda x, p: x[0] - x[29], name="symmetric")
+    start = branch.points[8]
+    again = trace_curve(Schnakenberg(), start.x, start.parameter, (0.5, 3.0), events=[asymmetry])
+    for curve in (branch, again):
+        assert curve.closed
+        assert not curve.folds
+        joined, left = sorted(curve.branch_points, key=lambda point: point.parameter)
+        assert left.parameter == pytest.approx(first.parameter, abs=1e-9)
+        assert (joined.type, left.type) == ("pitchfork", "pitchfork")
+        assert joined.x[:30] == pytest.approx(joined.x[29::-1], abs=1e-7)
+    symmetric = sorted(event.parameter for event in again.named("symmetric"))
+    assert symmetric == pytest.approx(sorted(point.parameter for point in again.branch_points), abs=1e-9)
+
+
+class Arch(Problem):
+    """A shallow sine arch of height h under a load of its own shape, in its first four modes."""
+
+    squares = np.arange(1.0, 5.0) ** 2
+
+    def __init__(self, height):
+        self.height = height
+        self.unloaded = np.array([height, 0.0, 0.0, 0.0])
+
+    def _thrust(self, x):
+        return float(self.squares @ (x**2 - self.unloaded**2)) / 4
+
+    def residual(self, x, p):
+        forces = self.squares**2 * (x - self.unloaded) + self._thrust(x) * self.squares * x
+        return forces + np.array([p, 0.0, 0.0, 0.0])
+
+    def jacobian(self, x, p):
+        products = np.outer(self.squares * x, self.squares * x) / 2
+        return np.diag(self.squares**2 + self._thrust(x) * self.squares) + products
+
+
+def buckling_loads(height):
+    """The thrust is k² where x₁² = h² - 4 k², p = h + (k² - 1) x₁; pairs of p."""
+    modes = [k for k in (2, 3, 4) if 2 * k < height]
+    return [[height + s * (k**2 - 1) * math.sqrt(height**2 - 4 * k**2) for s in (-1, 1)] for k in modes]
+
+
+def through(height):
+    """Stop where the arch hangs."""
+    return StopAt(predicate=lambda point: point.x[0] < -1.5 * height)
+
+
+@pytest.mark.parametrize("height", [5.0, 8.0, 12.0, 20.0])
+def test_arch_buckles_into_its_other_modes(height):
+    """On a branch from one point where the thrust is k² to the other.
+
+    Loads are of another order than heights, and at the points themselves the branches have their extrema.
+    """
+    edges, pairs = (-1e3, 3e3), buckling_loads(height)
+    curve = trace_curve(Arch(height), [height, 0.0, 0.0, 0.0], 0.0, edges, stop=through(height))
+    assert len(curve.folds) == 2
+    assert len(curve.branch_points) == 2 * len(pairs)
+    for point in curve.branch_points:
+        assert point.type == "pitchfork"
+        assert point.error < 1e-8
+        (branch,) = switch_branch(curve, point, edges)
+        assert branch.closed
+        assert not branch.folds
+        (pair,) = [pair for pair in pairs if min(abs(p - point.parameter) for p in pair) < 1e-10]
+        assert sorted(one.parameter for one in branch.branch_points) == pytest.approx(pair, abs=1e-8)
+
+
+@pytest.mark.parametrize("height", [5.0, 12.0, 20.0])
+def test_branch_points_without_a_jacobian(height):
+    """They are as accurate as residuals, however rough the differences that stand for derivatives."""
+
+    class Bare(Problem):
+        arch = Arch(height)
+
+        def residual(self, x, p):
+            return self.arch.residual(x, p)
+
+    curve = trace_curve(Bare(), [height, 0.0, 0.0, 0.0], 0.0, (-1e3, 3e3), stop=through(height))
+    expected = sorted(np.ravel(buckling_loads(height)))
+    assert sorted(point.parameter for point in curve.branch_points) == pytest.approx(expected, abs=1e-11)
 
 
 class NeumannGelfand(Waves):
