@@ -36,6 +36,8 @@ SINGULAR = 1e-9
 _FIFTH_ROOT_OF_ROUNDING = ROUNDING**0.2
 # Several branch points are in one place where a solution is larger than at the ends of the step by this factor.
 SEVERAL = 1e2
+# Pieces of a step that are looked into at most: more of them are rounding's.
+PIECES = 300
 # Dimensions of the space in which the largest eigenvalues of a pencil are looked for.
 SPACE = 10
 # A step that has passed to another curve is farther off its own cubic in the middle, as a share of its length and the
@@ -68,9 +70,7 @@ class LeapError(Exception):
     """The step has leapt from one part of the curve to another: both ends lie on it, but not as neighbours."""
 
 
-def branch_points(
-    segment: Segment, ahead: Bordered | None, options: Options, whole: bool = True
-) -> list[tuple[float, BranchPoint]]:
+def branch_points(segment: Segment, ahead: Bordered | None, options: Options) -> list[tuple[float, BranchPoint]]:
     """Return the branch points of a step, with their places in it, in order.
 
     The determinant's sign tells an odd number of them from an even one, and the matrices at both ends how many: where
@@ -84,52 +84,68 @@ def branch_points(
         The matrix at its end, as far as Newton's method has it; otherwise it is factorised.
     options : Options
         Tolerances.
-    whole : bool
-        Whether it is to be looked whether the step has passed from one curve to another that crosses it.
 
     Raises
     ------
     LeapError
-        If it has, or if the determinant changes sign without a branch point in between.
+        If the step has passed from one curve to another that crosses it or passes by, if the determinant changes sign
+        without a branch point in between, or if there seems no end of them.
     CorrectionError
         If the curve cannot be found inside the step.
     """
-    begin, end = segment.begin, segment.end
-    if begin.determinant_sign is None or end.determinant_sign is None:
+    if segment.begin.determinant_sign is None or segment.end.determinant_sign is None:
         return []
     if ahead is None:
-        ahead = _matrix(end, segment)
-    if segment.length > UNRESOLVED and (_kinked(segment, ahead) if whole else _bent(segment, options)):
+        ahead = _matrix(segment.end, segment)
+    if segment.length > UNRESOLVED and _kinked(segment, ahead):
         raise LeapError
-    crossed = begin.determinant_sign != end.determinant_sign
-    places = _singular(segment, ahead)
+    found, pieces = list[tuple[float, BranchPoint]](), [(segment, ahead, 0.0, 1.0)]
+    for _ in range(PIECES):
+        if not pieces:
+            return found
+        piece, matrix, offset, share = pieces.pop()
+        if piece is not segment and piece.length > UNRESOLVED and _bent(piece, options):
+            raise LeapError
+        inside, division = _looked_into(piece, matrix, options)
+        found += [(offset + share * theta, one) for theta, one in inside]
+        if division is not None:
+            theta, point, between = division
+            first, last = Segment(piece.begin, point, piece.metric), Segment(point, piece.end, piece.metric)
+            pieces += [
+                (last, matrix, offset + share * theta, share * (1.0 - theta)),
+                (first, between, offset, share * theta),
+            ]
+    raise LeapError
+
+
+def _looked_into(
+    piece: Segment, ahead: Bordered, options: Options
+) -> tuple[list[tuple[float, BranchPoint]], tuple[float, Point, Bordered] | None]:
+    """Return the branch points of a piece of a step, or where to divide it, with the point and the matrix there."""
+    crossed = piece.begin.determinant_sign != piece.end.determinant_sign
+    places = _singular(piece, ahead)
     if not places and not crossed:
-        return []
+        return [], None
     if len(places) <= 1 and crossed:
         foretold = places[0] if places else 0.5
-        found = locate_branch_point(segment, foretold) or unresolved_branch_point(segment)
-        if found is None and (segment.length > SHORT or not places):
+        found = locate_branch_point(piece, foretold) or unresolved_branch_point(piece)
+        if found is None and (piece.length > SHORT or not places):
             raise LeapError
         near = found is not None and abs(found[0] - foretold) <= NEAR * min(foretold, 1.0 - foretold)
-        if found is not None and (near or segment.length <= UNRESOLVED):
-            return [found]
-    elif segment.length <= UNRESOLVED:
-        return _coinciding(segment)
+        if found is not None and (near or piece.length <= UNRESOLVED):
+            return [found], None
+    elif piece.length <= UNRESOLVED:
+        return _coinciding(piece), None
     theta = _between(places)
     try:
-        point, _ = point_on(segment, theta, options)
-        bordered = _matrix(point, segment)
+        point, _ = point_on(piece, theta, options)
+        bordered = _matrix(point, piece)
     except CorrectionError:
         # Next to several that coincide rounding hides the curve.
-        if segment.length > HIDDEN or len(places) <= 1:
+        if piece.length > HIDDEN or len(places) <= 1:
             raise
-        return _coinciding(segment)
-    point = replace(point, determinant_sign=bordered.determinant_sign())
-    first, last = Segment(begin, point, segment.metric), Segment(point, end, segment.metric)
-    return [
-        *((theta * place, one) for place, one in branch_points(first, bordered, options, False)),
-        *((theta + (1.0 - theta) * place, one) for place, one in branch_points(last, ahead, options, False)),
-    ]
+        return _coinciding(piece), None
+    return [], (theta, replace(point, determinant_sign=bordered.determinant_sign()), bordered)
 
 
 def _kinked(segment: Segment, ahead: Bordered) -> bool:
@@ -421,9 +437,9 @@ def _report(
     flat = min(abs(along[1]), abs(other[1])) < FLAT * metric.parameter_scale
     type_: Kind = "pitchfork" if flat else "transcritical"
     point = Point(problem, x, p, along[0], along[1], label="branch point")
-    rough = _FIFTH_ROOT_OF_ROUNDING**4 if _differenced(problem) else 0.0  # of differences of fourth order
-    error = 4 * abs(float(dp)) + 4 * ROUNDING * abs(p) + 4 * rough * metric.parameter_scale
-    state_error = 4 * size_of(problem, dx) + 4 * ROUNDING * size_of(problem, x) + 4 * rough * metric.state_scale
+    rough = _FIFTH_ROOT_OF_ROUNDING**4 if _differenced(problem) else ROUNDING  # of differences of fourth order
+    error = 4 * (abs(float(dp)) + ROUNDING * abs(p) + rough * metric.parameter_scale)
+    state_error = 4 * (size_of(problem, dx) + ROUNDING * size_of(problem, x) + rough * metric.state_scale)
     scales = (metric.state_scale, metric.parameter_scale)
     other_x, other_p = other
     return theta, BranchPoint(

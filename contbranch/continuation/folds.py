@@ -87,9 +87,9 @@ def locate_fold(
         if size <= floor or (size < 1e-8 and size > 0.7 * previous):
             norm = size_of(problem, phi)
             point = Point(problem, x, p, phi / metric.norm(problem, phi, 0.0), 0.0, label="fold")
-            error = 4 * abs(back_p) + 2 * abs(s * sigma) + 4 * ROUNDING * abs(p)
+            error = 4 * abs(back_p) + 2 * abs(s * sigma) + 4 * ROUNDING * (abs(p) + metric.parameter_scale)
             state_error = 4 * (abs(s) * norm + size_of(problem, back_x))
-            state_error += 4 * ROUNDING * size_of(problem, x)
+            state_error += 4 * ROUNDING * (size_of(problem, x) + metric.state_scale)
             return Fold(point, error, state_error, null_vector=phi / norm, curvature=bend_p / norm**2)
         previous = size
     raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Newton's method on the fold did not converge.)")

@@ -19,7 +19,7 @@ from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 
 # A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding.
-VERTICAL = 1e-13
+VERTICAL = 1e-11
 # An extremum of the parameter closer to a branch point than this share of the step is the branch point itself. On the
 # curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
 COINCIDENT = 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from continuation_problems import Scalar, pitchfork
 
-from contbranch.continuation import Outcome, Problem, StopAt, switch_branch, trace_curve
+from contbranch.continuation import Options, Outcome, Problem, StopAt, switch_branch, trace_curve
 from contbranch.errors import InputError
 
 
@@ -220,3 +220,27 @@ def test_curves_that_all_but_cross_are_told_apart(start, apart):
     assert curve.branch_points == []
     near, far = np.sqrt(apart / 2), np.sqrt(2 + apart / 2)
     assert sorted(fold.parameter for fold in curve.folds) == pytest.approx([-far, -near, near, far], abs=1e-10)
+
+
+class Constants(Problem):
+    """u″ + p (u - u³) = 0 on a few points, with Neumann conditions: at p = 0 all constants solve it."""
+
+    def residual(self, x, p):
+        return np.diff(np.concatenate([x[:1], x, x[-1:]]), 2) + p * (x - x**3)
+
+    def jacobian(self, x, p):
+        one = np.eye(x.size)
+        return np.diff(np.vstack([one[:1], one, one[-1:]]), 2, axis=0) + np.diag(p * (1 - 3 * x**2))
+
+    def parameter_derivative(self, x, p):
+        return x - x**3
+
+
+def test_a_curve_at_one_value_of_the_parameter_has_branch_points_but_no_folds():
+    """Slopes of the parameter there are those of rounding. It meets u = -1, 0 and 1, and goes on without end."""
+    curve = trace_curve(Constants(), np.zeros(6), -0.1, (-0.1, 0.1))
+    (vertical,) = switch_branch(curve, curve.branch_points[0], (-0.1, 0.1), Options(maximum_points=12))
+    assert (vertical.status, vertical.folds) == ("incomplete", [])
+    assert [event.x.mean() for event in vertical.branch_points] == pytest.approx([-1.0, 0.0, 1.0], abs=1e-9)
+    for event in vertical.branch_points:
+        assert abs(event.parameter) <= event.error < 1e-14
