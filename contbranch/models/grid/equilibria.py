@@ -626,18 +626,20 @@ class LatticeProblem(EquilibriumProblem):
         """As `relaxed`, from a state near the fold that is held by so much more of what is controlled."""
         value = control.value(*values_of(fold)[:2])
         push = barrier + BEYOND * max(1.0, abs(value))
-        end = begin
+        start = end = begin
         for _ in range(PUSHES):
-            end = begin
+            end = start
             with quietly():
                 for position in (value + direction * push, value):
-                    if end.converged:
+                    if end.converged or end is start:
                         hold = control_held(self.nodes, control, position)
                         end = land(self.nodes, end.u, hold, self.sharp.tolerance)
             apart = [equilibrium(other).away(other, end) for other in others]  # type: ignore[attr-defined]
             if end.converged and apart and min(apart) <= SAME:
                 return apart.index(min(apart))
             push *= HARDER
+            # Next to the fold it is slow: what has not come to rest goes on from where it is.
+            start = begin if end.converged else end
         if not end.converged:
             return None
         raise AstrayError(State(*read(self.setup, end)[:5], 0, 0, 0.0))
