@@ -444,9 +444,7 @@ class Walker:
                 hopped = True
             angle = ANGLE if self.step_size > self.period else 0.5
             accepted = self._attempt(self.step_size, ORDER, angle, 0.15)
-            if accepted is not None and self._hides(accepted[0]):
-                accepted = None
-            elif accepted is not None:
+            if accepted is not None and not self._hides(accepted[0]):
                 place, miss, failed = accepted
                 self.places.append(place)
                 goal = max(CURVATURE * self.step_size, self.noise)
