@@ -71,6 +71,8 @@ SAME = 0.02
 BEYOND, PUSHES, HARDER = 1e-6, 4, 4.0
 # A fold whose load, displacement or position is as certain as this, relative to max(1, |value|), is said to stay.
 STAYS = 1e-3
+# How far beyond a fold a relaxation begins, in ranges of the law, and how often half of that is tried.
+AWAY, HALVINGS = 0.1, 6
 # A correction that changes a gap by so many ranges leads to another part of the curve.
 NEAR = 2.0
 # Step along the curve for a difference, in ranges of the law, and the factor that the error on twice the nodes, and of
@@ -612,7 +614,33 @@ class LatticeProblem(EquilibriumProblem):
         AstrayError
             If it ends in a state at the fold's value that is none of the others.
         """
-        return self.landed(self.at(fold), fold, control, direction, others, 0.0)
+        return self.landed(self._past(fold, control), fold, control, direction, others, 0.0)
+
+    def _past(self, fold: Point, control: Control) -> Equilibrium:
+        """The state a little beyond a fold on the curve, on its unstable side; the fold if there is none.
+
+        From the fold itself a relaxation takes for ever. On the unstable side the energy at the fold's value falls, by
+        the cube of the distance.
+        """
+        begin, along = self.at(fold), fold.tangent_x.reshape(self.nodes.shape)
+        way = Direction.along(Measure.at(begin, self.scale), along, fold.tangent_parameter)
+        size, value = way.value(along, fold.tangent_parameter), control.of(begin)
+
+        def tried(step: float) -> tuple[Equilibrium, float]:
+            u, load = begin.u + step * along, begin.load + step * fold.tangent_parameter
+            hold = way.hold(way.value(u, load), 1e-3 * abs(step) * size)
+            found = newton(self.nodes, u, load, hold, None, self.settings) if step else begin
+            seen = Values(*read(self.setup, found)[:5])
+            return found, control.height(value, seen) if found.converged else math.nan
+
+        with quietly():
+            highest = tried(0.0)[1]
+            for step in AWAY * self.scale / magnitude(along) * 0.5 ** np.arange(HALVINGS):
+                for side in (step, -step):
+                    (_, halfway), (state, lowest) = tried(0.5 * side), tried(side)
+                    if lowest < halfway < highest:
+                        return state
+        return begin
 
     def landed(
         self,

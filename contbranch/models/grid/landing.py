@@ -6,7 +6,8 @@ Let the half space be viscous, p = K (u + τ ∂u/∂t). An implicit step of len
     (K + θ v'') δu = -θ p_c,      θ = t/(t + τ),
 
 Newton's equations with a part of the interaction. Without the softening, v'' < 0, on the left the energy can but
-decrease; with it steps are longer. The mean of u is as viscous as the far field of the contact is stiff, 1/C, whatever
+decrease; with it steps are longer. Where little changes, as next to a fold and at the end, they grow longer still,
+θ → 1. The mean of u is as viscous as the far field of the contact is stiff, 1/C, whatever
 is held. Gaps change by less in a step than the interaction notices.
 
 A state found by Newton's method from where this has come to is taken only if it is the one that was about to be
@@ -38,8 +39,11 @@ UNSTABLE = "the state reached is unstable, and the relaxation comes back to it w
 THETA, STRIDE = 0.9, 0.2
 # Inner tolerance of a step, relative, and products at most.
 LOOSE, PRODUCTS = 0.05, 30
-# Sets of nodes at the wall that are tried for one step.
-SETS = 6
+# Sets of nodes at the wall that are tried for one step, and the part of them that may be left to the next one: single
+# contacts of a few nodes are caught by the lattice.
+SETS, UNDECIDED = 6, 0.01
+# Change of a gap by a step from which on steps grow no longer, and how much at least the viscosity is felt.
+AIM, FELT = 0.02, 1e-3
 # Residual from which on Newton's method is tried, by how much less for another attempt, and the change of a gap within
 # which what it finds is near.
 NEAR, NEARER, CLOSE = 0.01, 0.1, 0.15
@@ -84,23 +88,26 @@ class _Relaxation:
     def change(self, place: _Place, soft: float) -> Array | None:
         """δu of an implicit step, with a part of the law's softening; None if it should be tried with none.
 
-        At its end nothing overlaps, and the wall pulls nowhere.
+        At its end nothing overlaps.
         """
         problem, lattice, fields, held = self.problem, self.problem.lattice, place.fields, place.held
-        mean = THETA * self.stiffness + (1.0 - THETA) / lattice.compliance
-        stiffness = THETA * np.where(fields.stiffness > 0.0, 1.0, soft) * fields.stiffness
+        theta = max(THETA, soft)
+        mean = theta * self.stiffness + (1.0 - theta) / lattice.compliance
+        stiffness = np.where(fields.stiffness > 0.0, theta, soft) * fields.stiffness
         border = Border(problem, mean / lattice.size**2, -1.0)
         for _ in range(SETS):
             linear = Linear(problem, stiffness, held, border)
-            right = np.where(held, -fields.gap, -THETA * fields.excess)
+            right = np.where(held, -fields.gap, -theta * fields.excess)
             change = linear.solve(right, 0.0, LOOSE, PRODUCTS)
             if soft and change.residual > LOOSE:
                 return None
-            wall = change.pressure + stiffness * change.field + THETA * fields.excess
+            wall = change.pressure + stiffness * change.field + theta * fields.excess
             before, held = held, np.where(held, wall > 0.0, fields.gap + change.field < 0.0)
             if (held == before).all():
                 break
-        return None if soft and (held != before).any() else np.where(held, -fields.gap, change.field)
+        if soft and np.count_nonzero(held != before) > UNDECIDED * np.count_nonzero(held):
+            return None
+        return np.where(held, -fields.gap, change.field)
 
     def extent(self, place: _Place, change: Array) -> float:
         """Largest change of a gap, relative to the interaction's range plus the gap."""
@@ -130,6 +137,13 @@ class _Relaxation:
         noise = np.where(place.held, 0.0, np.random.default_rng(seed).standard_normal(self.problem.shape))
         change = self.problem.transform.filter(self.problem.smoother(1.0 / self.range), noise)
         return 0.1 * self.range / magnitude(change) * change
+
+
+def _softer(part: float, extent: float) -> float:
+    """The part of the softening in the next step: up to θ at once, on to 1 while gaps change little."""
+    if part < THETA:
+        return min(2.0 * part + 0.1, THETA)
+    return 1.0 - min(max((1.0 - part) * min(max(extent / AIM, 0.5), 2.0), FELT), 1.0 - THETA)
 
 
 def stable(problem: GridProblem, state: Equilibrium, hold: Hold) -> bool:
@@ -189,12 +203,13 @@ def land(problem: GridProblem, u: Array, hold: Hold, tolerance: float = 1e-8, st
             change = motion.change(place, part)
             if change is None:
                 continue
-            longest = STRIDE / max(motion.extent(place, change), STRIDE)
+            extent = motion.extent(place, change)
+            longest = STRIDE / max(extent, STRIDE)
             after = motion.place(place.fields.u + longest * change)
             # Modes that are unstable within the step turn its sense.
             if after.energy <= place.energy:
                 break
-        place, soft = after, min(2.0 * part + 0.1, 1.0)
+        place, soft = after, _softer(part, extent)
     fields = place.fields
     displacement, spent = problem.displacement(fields.u, fields.load), problem.counter.equilibrium - before
     return Equilibrium(fields, place.held, place.residual, displacement, False, step, spent, reason)

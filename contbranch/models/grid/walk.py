@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from bisect import insort
+from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -130,6 +131,7 @@ class Walker:
         self.queue: list[Equilibrium] = []
         self.step_size, self.checked, self.returns = FIRST, -1.0, 0
         self.kept = Keeping()
+        self._tangents = deque[tuple[Equilibrium, tuple[Array, float]]](maxlen=4)
 
     # -- the piece ----------------------------------------------------------------------------------------------------
     def branch(self, start: Point) -> Branch:
@@ -464,16 +466,24 @@ class Walker:
             return False
         begin, change = self.places[-1].state, place.state.beyond(self.places[-1].state)
         way = Direction.along(Measure.at(place.state, self.setup.length), *change)
-        ends = [tangent(self.nodes, state, way.hold(0.0, 0.0), LOOSELY) for state in (begin, place.state)]
-        length = way.value(*change)
+        ends = [self._tangent(state, way) for state in (begin, place.state)]
         for control in self.folds.controls:
             mean, *slopes = (
-                control.value(load, self.nodes.displacement(u, load)) / by
-                for (u, load), by in ((change, length), *((end[:2], 1.0) for end in ends))
+                control.value(load, self.nodes.displacement(u, load)) / way.value(u, load)
+                for u, load in (change, *ends)
             )
             if any(not 0.0 <= slope * mean <= STEEPEST * mean**2 for slope in slopes):
                 return True
         return False
+
+    def _tangent(self, state: Equilibrium, way: Direction) -> tuple[Array, float]:
+        """The direction of the curve at an end of a step, known from the last one or not."""
+        for known, direction in self._tangents:
+            if known is state:
+                return direction
+        direction = tangent(self.nodes, state, way.hold(0.0, 0.0), LOOSELY)[:2]
+        self._tangents.append((state, direction))
+        return direction
 
     def _next(self) -> bool:
         """Go on to the next corner of a rough contact where steps fail; several at a time."""
