@@ -43,8 +43,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Walker"]
 
-# Steps in s: the first, and the limits, the latter where there are many contacts, too.
-FIRST, LEAST_STEP, MOST_STEP, MOST_OF_MANY = 0.05, 2e-4, 0.5, 0.25
+# Steps in s: the first, and the limits: the least without contact, where the film may give way in one spot, and with
+# it; the most, and where there are many contacts.
+FIRST, SHORTEST, LEAST_STEP, MOST_STEP, MOST_OF_MANY = 0.05, 1e-6, 2e-4, 0.5, 0.25
 # Part of a step by which a prediction may miss, as goal of the step control.
 CURVATURE = 0.02
 # Least cosine between the predicted direction and the step, and degree of the predicting polynomial.
@@ -439,7 +440,7 @@ class Walker:
         if self.queue:
             return self._next()
         hopped, begun = not self.hops, self.step_size
-        while self.step_size >= LEAST_STEP:
+        while self.step_size >= (LEAST_STEP if self.problem.wall else SHORTEST):
             if not hopped and self.step_size < 0.25 * self.period:
                 if self._hop():
                     return True
