@@ -7,8 +7,8 @@ Let the half space be viscous, p = K (u + τ ∂u/∂t). An implicit step of len
 
 Newton's equations with a part of the interaction. Without the softening, v'' < 0, on the left the energy can but
 decrease; with it steps are longer. Where little changes, as next to a fold and at the end, they grow longer still,
-θ → 1. The mean of u is as viscous as the far field of the contact is stiff, 1/C, whatever
-is held. Gaps change by less in a step than the interaction notices.
+θ → 1. The mean of u is as viscous as the far field of the contact is stiff, 1/C, whatever is held. Gaps change by less
+in a step than the interaction notices.
 
 A state found by Newton's method from where this has come to is taken only if it is the one that was about to be
 reached: the energy's slope on the straight line to it decreases to zero, by about half on half the way, and it is
