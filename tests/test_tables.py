@@ -127,3 +127,14 @@ def test_a_suffix_of_another_option_is_refused(option, name, told, tmp_path, mon
     assert main(["trace", "--interaction", "gauss", "--tabor", "1", option, name]) == 2
     assert told in capsys.readouterr().err
     assert not Path(name).exists()
+
+
+def test_exponents_are_found_only_for_who_asks(diagram, tmp_path):
+    """They take as long as the trace; what is printed and the table of points have none."""
+    asked = []
+    own = replace(diagram, events=tuple(replace(event, critical=lambda: asked.append(1)) for event in diagram.events))
+    assert "squeeze-out" in str(own)
+    own.to_csv(tmp_path / "points.csv")
+    assert not asked
+    assert "exponent" not in own.tables()["event"].columns
+    assert len(asked) == len(own.events)

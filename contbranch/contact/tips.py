@@ -135,6 +135,10 @@ class Parabola(_Monomial):
     def _amplitude(self) -> float:
         return 1.0 / self.radius
 
+    @property
+    def _transformed(self) -> float:
+        return 1.0 / self.radius
+
     def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return (2/π) [(r²/2 - a²) arccos(a/r) + aρ/2]/R and its derivative, (2a/πR) [aρ/r² - arccos(a/r)]."""
         rho = np.asarray(rho, dtype=float)

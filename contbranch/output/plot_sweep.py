@@ -13,8 +13,8 @@ from contbranch.contact.units import finite_number
 from contbranch.errors import InputError
 from contbranch.output.plot_follow import is_logarithmic, parameter_label, scale_axis
 from contbranch.output.plot_view import SERIES, cell_edges, heat_map, new_figure
-from contbranch.results.sweep import Sweep, quantity
-from contbranch.results.table import with_unit
+from contbranch.results.sweep import Sweep
+from contbranch.results.table import quantity, with_unit
 
 _MOST = 4  # maps beside each other, in so many rows as it takes
 _NONE = "#E4E4E4"

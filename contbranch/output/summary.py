@@ -7,23 +7,24 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from contbranch.errors import number_of
-from contbranch.results.advice import Advice
-from contbranch.results.diagram import Diagram, Event, Solution, State
-from contbranch.results.equilibria import Equilibria
-from contbranch.results.fit import Fit, unit_of_value
-from contbranch.results.fit_map import FitMap
-from contbranch.results.followed import Followed, Special
-from contbranch.results.loop import Hysteresis
-from contbranch.results.phase import PhaseDiagram
 from contbranch.results.record import OBSERVABLES, Result, UnitNames
-from contbranch.results.sweep import Sweep, quantity
-from contbranch.results.table import with_unit
+from contbranch.results.table import quantity, with_unit
 from contbranch.watch import Progress
+
+if TYPE_CHECKING:  # a result that is shown has been imported
+    from contbranch.results.advice import Advice
+    from contbranch.results.diagram import Diagram, Event, State
+    from contbranch.results.equilibria import Equilibria
+    from contbranch.results.fit import Fit
+    from contbranch.results.followed import Followed, Special
+    from contbranch.results.loop import Hysteresis
+    from contbranch.results.phase import PhaseDiagram
+    from contbranch.results.sweep import Sweep
 
 _DIGITS = 15  # what a double can hold
 SMALLEST = -6  # power of ten of numbers below which they are written with it
@@ -65,18 +66,19 @@ def as_text(result: Result) -> str:
 def parts(result: Result) -> Parts:
     """What a result holds as tables with error estimates, then its model, cost, status and message."""
     told: Any = result  # every result that is shown has a cost
+    kind = type(result).__name__
     units = {name: _FOR_PEOPLE.get(unit, unit) for name, unit in result.units.items()}
-    if type(result) in _SHOWN:
-        yield from _SHOWN[type(result)](result, units)
-    if hasattr(result, "model") and not isinstance(result, Advice):  # what it takes is said, and may be another
+    if kind in _SHOWN:
+        yield from _SHOWN[kind](result, units)
+    if hasattr(result, "model") and kind != "Advice":  # what it takes is said, and may be another
         model = told.model
         yield f"Model: {model.kind}, {number_of(model.unknowns, 'unknown')}. {model.why}".rstrip()
-    if not isinstance(result, Sweep | Advice) and told.contact is not None and told.contact.tabor is not None:
+    if kind not in ("Advice", "Sweep", "FitMap") and told.contact is not None and told.contact.tabor is not None:
         from contbranch.advice import regime
 
-        yield regime(told.contact, told.thresholds.get("pull_off_load") if isinstance(result, Diagram) else None)
+        yield regime(told.contact, told.thresholds.get("pull_off_load") if kind == "Diagram" else None)
     points = ""
-    if isinstance(result, Diagram | Hysteresis | Followed):
+    if kind in ("Diagram", "Hysteresis", "Followed"):
         points = f"{number_of(len(next(iter(result.table().columns.values()), ())), 'point')} in "
     accuracy = f", accuracy {told.accuracy:g}" if hasattr(result, "accuracy") else ""
     yield f"{points}{told.cost.wall_s:.2f} s{accuracy}: {result.outcome}"
@@ -201,6 +203,8 @@ def _sweep(sweep: Sweep, units: UnitNames) -> Parts:
 
 
 def _fit(fit: Fit, _: UnitNames) -> Parts:
+    from contbranch.results.fit import unit_of_value
+
     rows = []
     for name, value in fit.values.items():
         known = "" if name in fit.identifiable else "not determined"
@@ -219,17 +223,17 @@ def _fit(fit: Fit, _: UnitNames) -> Parts:
     yield f"Residuals: rms {fit.rms:.4g} nN; noise {fit.noise:.3g} nN. Law: {fit.law}."
 
 
-_SHOWN: Mapping[type, Callable[[Any, UnitNames], Parts]] = {
-    Advice: _advice,
-    Diagram: _diagram,
-    Fit: _fit,
-    Solution: lambda solution, units: iter([_states(solution.known, units)]),
-    Equilibria: _equilibria,
-    Hysteresis: _loop,
-    Followed: _followed,
-    PhaseDiagram: _phase,
-    FitMap: _sweep,
-    Sweep: _sweep,
+_SHOWN: Mapping[str, Callable[[Any, UnitNames], Parts]] = {
+    "Advice": _advice,
+    "Diagram": _diagram,
+    "Fit": _fit,
+    "Solution": lambda solution, units: iter([_states(solution.known, units)]),
+    "Equilibria": _equilibria,
+    "Hysteresis": _loop,
+    "Followed": _followed,
+    "PhaseDiagram": _phase,
+    "FitMap": _sweep,
+    "Sweep": _sweep,
 }
 
 

@@ -22,7 +22,8 @@ from contbranch.results.diagram import Branch, Cost, Diagram, Event, ModelChoice
 from contbranch.results.fit_map import FitMap
 from contbranch.results.profile import Profile
 from contbranch.results.record import VERSION, Values
-from contbranch.results.sweep import Sweep, SweepTask, quantity, values_at
+from contbranch.results.sweep import Sweep, SweepTask, values_at
+from contbranch.results.table import quantity
 
 if TYPE_CHECKING:
     import h5py

@@ -25,7 +25,7 @@ from contbranch.results.record import (
     given,
     record,
 )
-from contbranch.results.table import Tables, joined, of_columns, of_records
+from contbranch.results.table import Table, Tables, joined, of_columns, of_records
 from contbranch.watch import patient
 
 if TYPE_CHECKING:
@@ -521,12 +521,12 @@ class Diagram(Result):
         return found
 
     def tables(self) -> Tables:
-        """The points of all branches, and the events."""
-        points = joined("branch", [branch.columns for branch in self.branches])
-        return {
-            "point": of_columns(points, self.unit_names),
-            "event": of_records(Event, self.events, self.unit_names),
-        }
+        """The points of all branches, and the events with their exponents."""
+        return {"point": self.table(), "event": of_records(Event, self.events, self.unit_names)}
+
+    def table(self) -> Table:
+        """The points of all branches."""
+        return of_columns(joined("branch", [branch.columns for branch in self.branches]), self.unit_names)
 
     def events_to_csv(self, path: str | Path) -> None:
         """Write the events as `to_csv` writes the points.

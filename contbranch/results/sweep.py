@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 from contbranch.errors import InputError, number_of
 from contbranch.results.diagram import Cost, Diagram
 from contbranch.results.record import Record, Result, described, record
-from contbranch.results.table import Tables, of_columns
+from contbranch.results.table import Tables, of_columns, quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -169,10 +169,3 @@ def values_at(axes: Mapping[str, tuple[float, ...]], mode: str, index: int) -> d
     shape = [len(values) for values in axes.values()]
     places: Any = np.unravel_index(index, shape) if mode == "grid" else [index] * len(axes)
     return {name: values[int(k)] for (name, values), k in zip(axes.items(), places, strict=True)}
-
-
-def quantity(threshold: str, known: Collection[str] = ()) -> str:
-    """The quantity in whose unit a threshold is, if it has none of its own."""
-    if threshold in known:
-        return threshold
-    return "contact_radius" if threshold.endswith("radius") else threshold.rpartition("_")[2]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -64,6 +64,13 @@ class Table(NamedTuple):
 
 # Tables by what a row is.
 Tables = dict[str, Table]
+
+
+def quantity(threshold: str, known: Collection[str] = ()) -> str:
+    """The quantity in whose unit a threshold is, if it has none of its own."""
+    if threshold in known:
+        return threshold
+    return "contact_radius" if threshold.endswith("radius") else threshold.rpartition("_")[2]
 
 
 def of_columns(columns: Columns, unit_names: UnitNames, **other: str) -> Table:
