@@ -27,8 +27,8 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
 from contbranch.contact.tips import Parabola
-from contbranch.continuation import CorrectionError, Options, Outcome, Point
-from contbranch.continuation.problem import Array, Direction, Solution
+from contbranch.continuation import Options, Point
+from contbranch.continuation.problem import Array, Linearisation
 from contbranch.control import Control
 from contbranch.curve.problem import STEPS, Count, EquilibriumProblem, Rates, Succession, Values, Work, oriented
 from contbranch.errors import InputError
@@ -40,8 +40,8 @@ __all__ = ["Apart", "Beyond", "ExactProblem", "Touching", "zone_of"]
 
 # Where the curve begins and where the interaction does, in ranges.
 START, EDGE = -1.5, -1.0
-# Corrections along the curve that are left undone, in the lengths of a step's plane, and how many are tried.
-LOOSE, CORRECTIONS = 3e-3, 20
+# Corrections of a step that are small enough, as a share of its length scale.
+LOOSE = 1e-2
 CONSTANTS = "radius", "modulus", "work_of_adhesion", "interaction_range"
 
 
@@ -105,18 +105,14 @@ class ExactProblem(EquilibriumProblem):
         """Slopes of the closed form."""
         return -np.array(self.slopes(p)[:2])
 
-    def in_plane(self, x: Array, p: float, row: Direction, precise: bool) -> Solution:
-        """Newton's method for the parameter alone; whatever that is, the values are exact."""
-        (c, d), q = row, p
-        for _ in range(CORRECTIONS):
-            self.work.newton += 1
-            state, slopes = self.state(q), -self.parameter_derivative(x, q)
-            rate = 1.0 / (float(c @ slopes) + d)
-            change = rate * (float(c @ (state - x)) + d * (q - p))
-            if abs(change) <= LOOSE * abs(rate):
-                return Solution(state, q, rate * slopes, rate)
-            q -= change
-        raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Corrections of the parameter {p:.6g} do not become small.)")
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Counted as one step of Newton's method."""
+        self.work.newton += 1
+        return super().linearise(x, p)
+
+    def steps(self, start: Point) -> Options:
+        """Whatever the parameter, the values are exact: the corrector need only keep to the curve."""
+        return replace(STEPS, tolerance=LOOSE)
 
     def values(self, x: Array, p: float) -> Values:
         """Of the closed form."""
