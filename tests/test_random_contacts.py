@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,73 @@ def test_two_meshes_may_agree_by_chance_under_a_table_of_heights(rows, heights, 
         assert (one.kind, one.control) == (other.kind, other.control)
         for name in ("load", "displacement"):
             assert abs(getattr(one, name) - getattr(other, name)) <= one.error[name] + other.error[name]
+
+
+class Cut(cb.Interaction):
+    """(1 − x/3)³ as far as x = 3, where the third derivative jumps."""
+
+    name = "cut"
+
+    def shape(self, x):
+        u = np.maximum(1.0 - x / 3.0, 0.0)
+        return u**3, -(u**2), u * (2.0 / 3.0)
+
+
+@dataclass(frozen=True)
+class Blunt(cb.Tip):
+    """A parabola as far as its curvature jumps to none, at `turn`, and the cone that touches it there."""
+
+    radius: float
+    turn: float
+    steep: float = 1.0
+    name = "blunt"
+
+    @property
+    def natural_length(self):
+        return self.radius / self.steep
+
+    def height(self, r):
+        near, b = np.minimum(r, self.turn), self.turn
+        return self.steep / self.radius * (near**2 / 2 + np.maximum(np.asarray(r) - b, 0.0) * b)
+
+    def height_derivative(self, r):
+        return self.steep / self.radius * np.minimum(r, self.turn)
+
+    def transform(self, t):
+        b, far = self.turn, np.maximum(t, self.turn)
+        outside = far * (far - np.sqrt(far**2 - b**2)) + b * far * np.arccos(b / far)
+        return self.steep / self.radius * np.where(np.asarray(t) < b, np.asarray(t) ** 2, outside)
+
+    def transform_derivative(self, t):
+        b, far = self.turn, np.maximum(t, self.turn)
+        outside = 2 * far - 2 * np.sqrt(far**2 - b**2) + b * np.arccos(b / far)
+        return self.steep / self.radius * np.where(np.asarray(t) < b, 2 * np.asarray(t), outside)
+
+    def scaled(self, in_plane, normal):
+        return Blunt(self.radius / in_plane, self.turn / in_plane, self.steep * in_plane / normal)
+
+
+@pytest.mark.parametrize(
+    ("contact", "accuracies", "fine"),
+    [
+        (
+            cb.Contact(cb.PowerLaw(2.7407530850, 2.7558872897), Cut(1.6861154529, 1.9703581936), 0.44001989),
+            (1e-7, 5e-9, 3e-9),
+            3e-10,
+        ),
+        (cb.Contact(Blunt(1.0, 0.3), cb.VanDerWaals(1.0, 0.3)), (1e-6,), 1e-7),
+    ],
+)
+def test_meshes_may_agree_by_chance_where_a_law_or_tip_of_the_users_is_not_smooth(contact, accuracies, fine):
+    """A jump right beside an edge of panels is seen by no mesh with that edge: up to 200 stated errors off."""
+    finer = cb.trace(contact, accuracy=fine, modes=0)
+    for accuracy in accuracies:
+        diagram = cb.trace(contact, accuracy=accuracy, modes=0)
+        assert diagram.status == "complete"
+        for one, other in zip(diagram.events[:-1], finer.events[:-1], strict=True):
+            assert (one.kind, one.control) == (other.kind, other.control)
+            for name in ("load", "displacement"):
+                assert abs(getattr(one, name) - getattr(other, name)) <= one.error[name] + other.error[name]
 
 
 def test_draws_repeat_themselves():

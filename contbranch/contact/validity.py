@@ -35,6 +35,18 @@ STIFFEST = 5e3
 SOFTEST, STRONGEST = 1e-9, 20.0
 
 
+def in_pieces(tip: Tip, law: Interaction | None) -> bool:
+    """Whether tip or law are put together from pieces, as tables are."""
+    return law is not None and (law.pieced or math.isfinite(tip.table_end))
+
+
+def perhaps_in_pieces(tip: Tip, law: Interaction | None) -> bool:
+    """Whether they are, or of a class of the user's own, which may be."""
+    return in_pieces(tip, law) or not all(
+        type(one).__module__.startswith("contbranch.") for one in (tip, *terms_of(law))
+    )
+
+
 def _named(contact: Contact) -> Iterator[tuple[str, Any]]:
     """Tip and laws with their names."""
     terms = terms_of(contact.interaction)

@@ -442,6 +442,7 @@ def _best(
     """
     best: Found | None = None
     chance: Found | None = None
+    before: Found | None = None
     last, rough, idle = math.inf, False, 0
     try:
         if problem not in (None, place.point.problem):
@@ -463,14 +464,18 @@ def _best(
             found = _compared(replace(place, uncertainty=max(place.uncertainty, fine.uncertainty)), there, accuracy)
             if best is None and chance is not None:
                 found = _confirming(found, chance)
+                chance = chance if found.relative_error() <= accuracy else None  # or the next agreement needs it, too
             error = found.relative_error()
             idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
             if chance is None and error <= accuracy and (rough or problem.pieced):
-                halved = problem.halved(place.point, 0.0)
-                place = _located(_carried(place, halved, event), event)
-                best, chance = None, found
+                chance, doubled = found if before is None else _confirming(found, before), problem.doubled()
+                if doubled is problem and before is not None:
+                    return chance
+                if doubled is problem:
+                    doubled = problem.halved(place.point, 0.0)
+                place, best, before = _located(_carried(place, doubled, event), event), None, found
                 continue
             spent = idle == len(IDLE) or (rough and error > WORSE * last)  # what is left is rounding
             if error <= accuracy or finer.size > LARGEST or spent or problem.given:
@@ -482,7 +487,7 @@ def _best(
                 fine = _carried(place, halved, event)
             if turns:  # the next one is of the trace's own order again
                 last = math.inf
-            place = _located(fine, event)
+            place, before = _located(fine, event), found
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
         return best or chance or by_defect(place.point, event)

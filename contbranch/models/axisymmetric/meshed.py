@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 
 from contbranch.arrays import Array, magnitude
+from contbranch.contact.validity import in_pieces, perhaps_in_pieces
 from contbranch.continuation import Adaptation, Point
 from contbranch.continuation.problem import UnresolvedError
 from contbranch.curve.problem import Defect, EquilibriumProblem, Values
@@ -83,10 +84,9 @@ class MeshedContact(MovingContact):
 
     @property
     def pieced(self) -> bool:
-        """Whether the law is, or has a kink, or the tip is a table: where pieces meet is no edge of panels, and rates
+        """Whether the law or the tip may be, or the law has a kink: where pieces meet is no edge of panels, and rates
         that go with a mesh that moves with a kink are rough where that has just begun to."""
-        law = self.equations.interaction
-        return law is not None and (law.pieced or self.kinked or math.isfinite(self.equations.tip.table_end))
+        return self.kinked or perhaps_in_pieces(self.equations.tip, self.equations.interaction)
 
     def resolved(self, x: Array, p: float, tolerance: float, most: float = math.inf) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as some rounds, or `most` unknowns, do, and the
@@ -215,7 +215,8 @@ class MeshedContact(MovingContact):
             problem, start, last, error = trial, found, error, trial.relative_error(found, p)
             spent = problem.sharpness == SHARPEST and error > HELPS * last  # what is left is rounding
             # What has kinks on no panel's edge never is smooth: one round towards it does.
-            if (error <= resolution.tolerance or spent) and (problem.pieced or not problem.rough(start, p)):
+            smooth = not (self.kinked or in_pieces(equations.tip, equations.interaction))
+            if (error <= resolution.tolerance or spent) and not (smooth and problem.rough(start, p)):
                 break
         return (self, x) if served and error > resolution.tolerance else (problem, start)
 
@@ -392,8 +393,8 @@ class MeshedContact(MovingContact):
     def halved(self, point: Point, share: float) -> Self:
         """On panels halved where they do not resolve a state, or all, of the trace's own order."""
         problem, x, u = self, point.x, point.parameter
-        if share == 0.0 and 2 * self.size <= FINEST:
-            return self._all_halved()
+        if share == 0.0 and (doubled := self.doubled()) is not self:
+            return doubled
         goal = max(share * self.relative_error(x, u), self.rounding)
         tried: list[tuple[float, Self]] = []
         for _ in range(ROUNDS):
@@ -404,14 +405,24 @@ class MeshedContact(MovingContact):
             if tried[-1][0] <= goal:
                 break
         error, best = min(tried, key=lambda one: one[0])
-        if error > WORTH * self.relative_error(point.x, u) and 2 * self.size <= FINEST:
+        if error > WORTH * self.relative_error(point.x, u) and (doubled := self.doubled()) is not self:
             # What is left is everywhere, as next to the many kinks of a table's derivatives: panels tell nothing of it.
-            return self._all_halved()
+            return doubled
         return best
 
-    def _all_halved(self) -> Self:
-        mesh = self.mesh
-        edges = np.union1d(mesh.edges, cuts(mesh.edges, mesh.bounded))
+    def doubled(self) -> Self:
+        """On twice as many panels, with other edges unless creases are among these.
+
+        What is not smooth right beside an edge, with no node between, is seen by no mesh that has it: all these agree.
+        """
+        mesh, edges = self.mesh, self.mesh.edges
+        if 2 * self.size > FINEST:
+            return self
+        if self.kinked or self.creases:
+            edges = np.union1d(edges, cuts(edges, mesh.bounded))
+        else:
+            inner = edges[:-1, None] + np.diff(edges)[:, None] * [0.25, 0.75]
+            edges = np.concatenate([edges[:1], inner.ravel(), edges[-1:]])
         return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:

@@ -9,6 +9,7 @@ from typing import Self
 
 from contbranch.arrays import Array, magnitude
 from contbranch.contact.contact import Contact
+from contbranch.contact.validity import perhaps_in_pieces
 from contbranch.continuation import Adaptation, Options, Point
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import border, linearise, solve
@@ -57,9 +58,8 @@ class RingProblem(RingEquations):
 
     @property
     def pieced(self) -> bool:
-        """Whether the law is, or the tip is a table: where pieces meet is no end of panels."""
-        law = self.law.interaction
-        return law is not None and (law.pieced or math.isfinite(self.tip.table_end))
+        """Whether the law or the tip may be: where pieces meet is no end of panels."""
+        return perhaps_in_pieces(self.tip, self.law.interaction)
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def start(self, control: Control) -> Point:
