@@ -260,7 +260,9 @@ def as_matrix(jacobian: Any) -> Any:
     """Return a Jacobian as a matrix that can be transposed; an operator shows its columns."""
     if _sparse(jacobian):
         return jacobian
-    return jacobian @ np.eye(jacobian.shape[0]) if hasattr(jacobian, "matvec") else np.asarray(jacobian, dtype=float)
+    if hasattr(jacobian, "matvec"):  # column by column: a user's function may take vectors alone
+        return np.column_stack([jacobian.matvec(column) for column in np.eye(jacobian.shape[0])])
+    return np.asarray(jacobian, dtype=float)
 
 
 def bordered_matrix(jacobian: Any, b: Array, c: Array, d: float) -> Any:

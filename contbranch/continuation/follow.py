@@ -88,6 +88,8 @@ class _Direction:
                     self._go_on_from(taken)
             except CorrectionError as error:
                 end = End(error.outcome, error.detail, error.__cause__)
+            except (OverflowError, ZeroDivisionError) as error:
+                end = End(Outcome.NOT_FINITE, f"({error})", error)
             except INTERRUPTIONS as error:
                 caught(error)
                 end = End(Outcome.INTERRUPTED)

@@ -12,6 +12,8 @@ from contbranch.continuation.problem import Array, Direction, Problem
 MEMORY = 0.9
 # A scale never falls below this share of the whole path, lest a coordinate that has come to rest is blown up.
 FLOOR = 0.01
+# A state smaller than this share of the way ahead of it is zero but for rounding.
+ROUNDED = 1e-13
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ class Balance:
         (slopes, at least 0); close to a fold it says nothing about how far the state will go."""
         parameter = width if math.isfinite(width) else max(1.0, abs(p))
         state = state_slope / parameter_slope * parameter if parameter_slope > 0 else math.inf
-        if state > 10 * size > 0:
+        if state > 10 * size > ROUNDED * state:
             state = 10 * size
             parameter = max(state * parameter_slope / state_slope, 1e-6 * parameter)
         return cls(state if math.isfinite(state) and state > 0 else size or 1.0, parameter)

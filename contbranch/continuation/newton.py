@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, SparseBordered, factorise
+from contbranch.continuation.bordered import Bordered, SingularBorderedError, SparseBordered, as_matrix, factorise
 from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.options import Options
@@ -273,16 +273,32 @@ def correct_start(problem: Problem, x: Array, p: float) -> Array:
         try:
             dx, _zero = solve(border(problem, x, p, at, row), -at[0], 0.0, p)
         except CorrectionError as error:
+            if size <= _residual_rounding(at, x, p):
+                return x  # a fold
             detail = f"(The Jacobian at parameter {p:.6g} is singular and the residual's norm {size:.3g}.)"
             raise CorrectionError(Outcome.START_FAILED, detail) from error
         correction = size_of(problem, dx)
         scale = size_of(problem, x + dx)
         if correction <= 1e-10 * scale or (correction <= 1e-6 * scale and correction > 0.1 * previous):
             return x + dx
-        x, at = _damped(problem, x, p, dx, size)
+        try:
+            x, at = _damped(problem, x, p, dx, size)
+        except CorrectionError:
+            if size <= _residual_rounding(at, x, p):
+                return x
+            raise
         previous = correction
     size = float(np.linalg.norm(at[0]))
+    if size <= _residual_rounding(at, x, p) or size == 0.0:
+        return x
     raise CorrectionError(Outcome.START_FAILED, f"(The residual's norm at parameter {p:.6g} is still {size:.3g}.)")
+
+
+def _residual_rounding(at: Linearisation, x: Array, p: float) -> float:
+    """Size of residuals that are rounding's, of x and p."""
+    jacobian = abs(as_matrix(at.jacobian)) if not hasattr(at.jacobian, "matvec") else at.jacobian
+    terms = jacobian @ np.abs(x) + np.abs(at.parameter_derivative * p)
+    return 1e2 * ROUNDING * float(np.linalg.norm(terms))
 
 
 def _damped(problem: Problem, x: Array, p: float, dx: Array, size: float) -> tuple[Array, Linearisation]:

@@ -131,7 +131,8 @@ class Problem(ABC):
         With it, or with a sparse Jacobian, accurate points and tangents need no factorisation of their own: the one of
         a point next to them serves, see `delicate`. Default: the Jacobian.
         """
-        jacobian = self.jacobian(x, p)
+        together = type(self).jacobian is Problem.jacobian and type(self).linearise is not Problem.linearise
+        jacobian = self.linearise(x, p).jacobian if together else self.jacobian(x, p)
         return lambda vector: jacobian @ vector
 
     def second_derivative(self, x: Array, p: float, u: Array, a: float) -> Array | None:

@@ -9,16 +9,29 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.curve import Curve, End, Located, Outcome, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
+from contbranch.continuation.folds import second_derivative
 from contbranch.continuation.follow import Branch, follow
-from contbranch.continuation.metric import Balance
-from contbranch.continuation.newton import CorrectionError, border, correct_start, linearise, tangent_at
+from contbranch.continuation.metric import Balance, Metric
+from contbranch.continuation.newton import (
+    CorrectionError,
+    border,
+    correct_start,
+    linearise,
+    residual,
+    solve,
+    tangent_at,
+)
 from contbranch.continuation.options import Options, StopAt
-from contbranch.continuation.problem import Array, Problem, size_of
+from contbranch.continuation.problem import Array, Direction, Problem, size_of
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
+
+# How often the scales of a start next to a fold are improved.
+BENDS = 10
 
 
 def trace_curve(
@@ -104,16 +117,47 @@ def _check_shapes(problem: Problem, x: Array, p: float) -> None:
 def _start(problem: Problem, x: Array, p: float, interval: Range, options: Options) -> tuple[Point, Balance]:
     """Return the corrected start, oriented towards increasing p, and the first scales."""
     x = correct_start(problem, x, p)
-    u, a, _ = tangent_at(problem, x, p)
+    u, a, bordered = tangent_at(problem, x, p)
     if a < 0:
         u, a = -u, -a
-    balance = Balance.ahead(size_of(problem, u), a, size_of(problem, x), p, interval.width)
+    slope = size_of(problem, u)
+    balance = Balance.ahead(slope, a, size_of(problem, x), p, interval.width)
+    width = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
+    if slope * width > 1e3 * a * size_of(problem, x):
+        balance = _bending(problem, x, p, (u / slope, a / slope), bordered, balance, width)
     metric = balance.metric(options.weight, options.state_floor)
     u, a = metric.unit(problem, u, a)
     # The determinant's sign belongs to the orientation: rebordering with the oriented, scaled tangent settles it.
     sign = border(problem, x, p, linearise(problem, x, p), metric.row(problem, u, a)).determinant_sign()
-    point = annotated(Point(problem, x, p, u, a, sign), label="start")
+    # A fold at the very start lies in one of the two directions.
+    point = annotated(Point(problem, x, p, u, a or 1e-300, sign), label="start")
     return point, balance
+
+
+def _bending(
+    problem: Problem, x: Array, p: float, along: Direction, bordered: Bordered, balance: Balance, width: float
+) -> Balance:
+    """Return scales of a start next to a fold, where the parameter changes by curvature s²/2 with the state by s."""
+    here, scale, found = residual(problem, x, p), balance.state, balance
+    straight = width / along[1] if along[1] > 0 else math.inf
+    for _ in range(BENDS):
+        try:
+            d = second_derivative(problem, x, p, along, Metric(scale, width), here)
+            bend = abs(solve(bordered, -d, 0.0, p)[1])
+        except CorrectionError:
+            scale *= 1e-3
+            continue
+        if bend == 0.0:
+            scale *= 1e3
+            continue
+        state = math.sqrt(2 * width / bend)
+        if not 0 < state < 0.1 * straight:
+            return balance
+        found = Balance(state, width)
+        if 0.5 < found.state / scale < 2:
+            break
+        scale = state
+    return found
 
 
 def _both_directions(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,13 +12,16 @@ import numpy as np
 
 from contbranch.continuation.bordered import as_matrix, bordered_matrix, factorise
 from contbranch.continuation.curve import Curve, Fold, Point
+from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
-from contbranch.continuation.trace import trace_curve
+from contbranch.continuation.trace import interval_around, trace_curve
 from contbranch.errors import InputError
 
 STEP = float(np.finfo(float).eps ** (1 / 3))
+# Lengths of state and parameter are no smaller than this share of what bending asks for.
+ASIDE = 1e-3
 # A border is replaced when the cosine between it and the null vector it stands for has fallen below this.
 ALIGNED = 0.5
 # Noise of residuals that hold a Jacobian by differences, in units of rounding.
@@ -119,12 +123,21 @@ def trace_folds(
         raise InputError(f"fold is not on the curve of make_problem({q:g}): give the q that it was found with.")
     column = at.parameter_derivative / float(at.parameter_derivative @ at.parameter_derivative)
     row = fold.null_vector / float(fold.null_vector @ fold.null_vector)
-    mean_square = float(fold.x @ fold.x) / fold.x.size or 1.0
-    weights = np.append(np.full(fold.x.size, 1 / (fold.x.size * mean_square)), 1 / (fold.parameter**2 or 1.0))
-    augmented = _FoldProblem(make_problem, row, column, weights)
+    augmented = _FoldProblem(make_problem, row, column, _Lengths(1.0, 1.0, 1.0, interval_around(q_range, q)))
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        augmented.lengths = augmented.measured(fold, q)
     options = options or Options(noise=NOISE)
     options = replace(options, detect_folds=False, detect_branch_points=False)
     return FoldCurve(trace_curve(augmented, np.append(fold.x, fold.parameter), q, q_range, options, [_CuspEvent()]))
+
+
+class _Lengths(NamedTuple):
+    """Lengths of x (root mean square) and p, that over which F bends, and the range of q."""
+
+    state: float
+    parameter: float
+    bend: float
+    interval: Range
 
 
 class _Seen(NamedTuple):
@@ -139,8 +152,8 @@ class _Seen(NamedTuple):
 class _FoldProblem(Problem):
     """F(x, p; q) = 0 and σ(x, p; q) = 0 for (x, p), with a border that stays close to the null vectors."""
 
-    def __init__(self, make_problem: Callable[[float], Problem], row: Array, column: Array, weights: Array) -> None:
-        self.make_problem, self.row, self.column, self.weights = make_problem, row, column, weights
+    def __init__(self, make_problem: Callable[[float], Problem], row: Array, column: Array, lengths: _Lengths) -> None:
+        self.make_problem, self.row, self.column, self.lengths = make_problem, row, column, lengths
         self._last: tuple[Array, float, _Seen] | None = None
 
     def residual(self, x: Array, p: float) -> Array:
@@ -150,6 +163,14 @@ class _FoldProblem(Problem):
     def linearise(self, x: Array, p: float) -> Linearisation:
         """(F, σ) and its derivatives."""
         return self.seen(x, p).linearisation
+
+    def jacobian(self, x: Array, p: float) -> Any:
+        """Derivative of (F, σ) with respect to (x, p)."""
+        return self.seen(x, p).linearisation.jacobian
+
+    def parameter_derivative(self, x: Array, p: float) -> Array:
+        """Derivative of (F, σ) with respect to q."""
+        return self.seen(x, p).linearisation.parameter_derivative
 
     def seen(self, z: Array, q: float) -> _Seen:
         """Return what there is to know at (x, p; q)."""
@@ -162,15 +183,32 @@ class _FoldProblem(Problem):
         transposed = bordered.solve_transposed(np.zeros_like(x), 1.0)
         left = self.column if transposed is None else transposed[0]
 
-        def rates(of: list[Linearisation], width: float) -> list[Array]:
-            """Differences of F, ψᵀJ and ψᵀF_p."""
-            parts = [(one.residual, as_matrix(one.jacobian).T @ left, left @ one.parameter_derivative) for one in of]
-            return [(last - first) / width for first, last in zip(*parts, strict=True)]
+        def rates(of: list[tuple[float, Linearisation]]) -> list[Array]:
+            """Sums of F, ψᵀJ and ψᵀF_p with weights."""
+            parts = [
+                (
+                    weight * one.residual,
+                    weight * (as_matrix(one.jacobian).T @ left),
+                    weight * (left @ one.parameter_derivative),
+                )
+                for weight, one in of
+            ]
+            return [sum(part[1:], part[0]) for part in zip(*parts, strict=True)]
 
-        step = STEP * max(1.0, float(np.abs(x).max())) / float(np.abs(right).max())
-        _, bend, slant = rates([problem.linearise(x + s * right, p) for s in (-step, step)], 2 * step)
-        change = STEP * max(1.0, abs(q))
-        push, turn, _ = rates([self.make_problem(q + s).linearise(x, p) for s in (-change, change)], 2 * change)
+        step = STEP * max(self.lengths.bend, float(np.abs(x).max())) / float(np.abs(right).max())
+        _, bend, slant = rates([(0.5 * s / step, problem.linearise(x + s * step * right, p)) for s in (-1, 1)])
+        interval = self.lengths.interval
+        change = STEP * max(min(1.0, interval.width), abs(q))
+        # Beyond its range a family may not exist: at an edge the difference is one-sided, of the same order.
+        side = 0
+        if interval.low <= q < interval.low + change:
+            side = 1
+        elif interval.high >= q > interval.high - change:
+            side = -1
+        places = ((-3, 0), (4, side), (-1, 2 * side)) if side else ((-1, -1), (1, 1))
+        shares = [0.5 * weight * (side or 1) / change for weight, _ in places]
+        there = [self.make_problem(q + by * change).linearise(x, p) for _, by in places]
+        push, turn, _ = rates(list(zip(shares, there, strict=True)))
         matrix = bordered_matrix(at.jacobian, at.parameter_derivative, -bend, -float(slant))
         linearisation = Linearisation(np.append(at.residual, sigma), matrix, np.append(push, -float(turn @ right)))
         found = _Seen(linearisation, right, left, float(bend @ right))
@@ -178,12 +216,41 @@ class _FoldProblem(Problem):
         return found
 
     def inner(self, u: Array, v: Array) -> float:
-        """Mean square of x and square of p, in units of the first fold's."""
-        return float((self.weights * u) @ v)
+        """Mean square of x and square of p, in units of their lengths."""
+        return float(self.dual(u) @ v)
 
     def dual(self, u: Array) -> Array:
         """Vector whose product with v is inner(u, v)."""
-        return self.weights * u
+        lengths = self.lengths
+        return np.append(u[:-1] / ((u.size - 1) * lengths.state**2), u[-1] / lengths.parameter**2)
+
+    def measured(self, fold: Fold, q: float) -> _Lengths:
+        """Lengths of x and p: their sizes, and how far q moves them; neither is rounding beside the other.
+
+        Where x changes by s next to a fold, p does by curvature s²/2.
+        """
+        move, height = self._moved(fold, q)
+        state, height = _mean(fold.x) + _mean(move), abs(fold.parameter) + height
+        curvature = abs(fold.curvature) if math.isfinite(fold.curvature) else 0.0
+        if curvature == 0.0:
+            return _Lengths(state or 1.0, height or 1.0, 1.0, self.lengths.interval)
+        curvature *= fold.x.size / float(fold.null_vector @ fold.null_vector)
+        bend = math.sqrt(2 * height / curvature)
+        state = max(state, ASIDE * bend)
+        height = max(height, ASIDE * curvature * state**2 / 2)
+        return _Lengths(state or 1.0, height or 1.0, min(1.0, max(bend, state)) or 1.0, self.lengths.interval)
+
+    def _moved(self, fold: Fold, q: float) -> tuple[Array, float]:
+        """By how much the fold moves over the range of q, as far as its rate tells."""
+        still, width = np.zeros_like(fold.x), self.lengths.interval.width
+        try:
+            at = self.seen(np.append(fold.x, fold.parameter), q).linearisation
+            border = np.zeros(fold.x.size + 1)
+            move, _ = factorise(at.jacobian, border, border, 1.0).solve(-at.parameter_derivative, 0.0)
+        except Exception:  # of whatever kind, the trace meets it, too, and reports it
+            return still, 0.0
+        move = move * (width if math.isfinite(width) else max(1.0, abs(q)))
+        return (move[:-1], abs(float(move[-1]))) if np.isfinite(move).all() else (still, 0.0)
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """Replace borders that have turned away from the null vectors."""
@@ -192,7 +259,12 @@ class _FoldProblem(Problem):
         if all(ALIGNED * np.linalg.norm(a) * np.linalg.norm(b) < 1 for a, b in pairs):
             return None
         row, column = (a / float(a @ a) for a, _ in pairs)
-        return Adaptation(_FoldProblem(self.make_problem, row, column, self.weights), x, lambda vector: vector)
+        return Adaptation(_FoldProblem(self.make_problem, row, column, self.lengths), x, lambda vector: vector)
+
+
+def _mean(x: Array) -> float:
+    """The root mean square."""
+    return math.sqrt(float(x @ x) / x.size)
 
 
 class _CuspEvent(Event):

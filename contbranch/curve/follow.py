@@ -129,6 +129,15 @@ def followed(event: Event, family: Family, goals: tuple[float, ...], accuracy: f
     )
 
 
+def followable(event: Event) -> bool:
+    """Whether an event can be followed: not beyond a change of the contact set."""
+    try:
+        _origin(event)
+    except InputError:
+        return False
+    return True
+
+
 def _origin(event: Event) -> tuple[Origin, Point]:
     """What an event was found in, and where."""
     if not isinstance(event, Event):

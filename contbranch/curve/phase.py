@@ -12,7 +12,7 @@ import numpy as np
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Family
-from contbranch.curve.follow import followed
+from contbranch.curve.follow import followable, followed
 from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Diagram, Event
 from contbranch.results.followed import Followed, FollowedPoint
@@ -117,7 +117,7 @@ class Regions:
         self.parts.append(_parts(diagram, ends, self.kind))
         known = [k for boundary in self.boundaries for k in _met(boundary, edges, value, member)]
         for k, event in enumerate(edges):
-            if k in known:
+            if k in known or not followable(event):
                 continue
             goals = tuple(v for v in self.between if v != value)
             found = followed(event, replace(self.family, start=value, contact=member), goals, self.accuracy)

@@ -349,7 +349,7 @@ class EquilibriumProblem(Problem):
 
     def joins(self, other: EquilibriumProblem) -> bool:
         """Whether the other problem's states are states of this representation, on a discretisation of their own."""
-        return type(other) is type(self)
+        return type(other) is type(self) and other.parameter_range == self.parameter_range
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     @abstractmethod

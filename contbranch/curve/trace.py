@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 
@@ -14,7 +14,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.problem import UnresolvedError
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.angle import AMBIGUOUS, Hodograph, Turning, alpha, in_passing, short_way
+from contbranch.curve.angle import AMBIGUOUS, ON, Hodograph, Turning, alpha, in_passing, short_way
 from contbranch.curve.events import NEGATIVE, Ceiling, Folds, Margin, Slopes
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.spacing import Spacing
@@ -384,8 +384,20 @@ class _Tracing:
             ways = turn, turn - math.copysign(2 * math.pi, turn)
             turn = next((way for way in ways if _raised(begin, way) == after - before), turn)
         passed = in_passing(self.request.controls, begin, turn)
+        passed += self._rested(turning, row, passed)
         turning.corner(turn)
         return [Mark(row, "fold", replace(self.points[row]), control) for control in passed]
+
+    def _rested(self, turning: Turning, row: int, passed: Sequence[Control]) -> list[Control]:
+        """The controls that rest exactly at a joint, and go the other way behind it: folds as well."""
+        rates = [self._rates(self.onward[row]), *(self._rates(point) for point in self.points[row + 1 : row + 2])]
+        found = []
+        for control in self.request.controls:
+            rests = abs(math.sin(turning.present - alpha(control))) < ON
+            ahead = next((r for r in (control.weighted(*one) / math.hypot(*one) for one in rates) if abs(r) > ON), 0.0)
+            if rests and control not in passed and ahead * turning.signs.get(control.kind, 0) < 0:
+                found.append(control)
+        return found
 
 
 def _raised(begin: float, turn: float) -> int:
