@@ -127,13 +127,17 @@ class Probe:
         if self.primitive is None and not _resolved(np.array([begin, *inside, end]), doubt):
             inside, doubt = self._computed(segment, begin, end)
         values = math.copysign(1.0, begin) * np.concatenate([[begin], inside, [end]])
-        theta = division(values, doubt) if depth > 0 and len(self.known) < MOST else None
+        goes_on = depth > 0 and len(self.known) < MOST
+        theta = division(values, doubt) if goes_on else None
+        if theta is None and values[-1] > 0:
+            return []
         if theta is None:
-            if values[-1] > 0:
-                return []
             i = int(np.argmax(values <= 0)) - 1
-            guess = (i + values[i] / (values[i] - values[i + 1])) / (len(values) - 1)
-            return [Bracket(segment, (0.0, begin), (1.0, end), float(guess), offset, share)]
+            if goes_on and not _straight(values, doubt, i):
+                theta = (i + 0.5) / (len(values) - 1)
+            else:
+                guess = (i + values[i] / (values[i] - values[i + 1])) / (len(values) - 1)
+                return [Bracket(segment, (0.0, begin), (1.0, end), float(guess), offset, share)]
         point = annotated(point_on(segment, theta, self.options, precise=False)[0])
         if self.at(point) == 0.0:  # a zero belongs to one part alone
             theta += 1e-3 * (1 - theta)
@@ -184,6 +188,12 @@ def clear(values: Array, doubt: Array) -> NDArray[np.bool_]:
     lowest = values.min(axis=-1) - np.maximum(0.0, _bends(values).max(axis=-1)) / 8
     resolved = largest <= RESOLVED * np.abs(values).max(axis=-1)
     return np.asarray(resolved & (lowest > np.maximum(np.maximum(SAFETY * largest, SUSPICIOUS * least), 0.0)))
+
+
+def _straight(values: Array, doubt: Array, i: int) -> bool:
+    """Whether a function seen as in `division` certainly falls all the way from sample i to the next."""
+    bend, error = np.pad(np.abs(_bends(values)), 1)[i : i + 2].max(), np.pad(doubt, 1)[i : i + 2].sum()
+    return bool(abs(values[i + 1] - values[i]) > bend / 2 + SAFETY * error)
 
 
 def _bends(values: Array) -> Array:

@@ -162,3 +162,19 @@ def test_failing_event_keeps_the_part_traced():
     assert curve.outcome is Outcome.EVALUATION_FAILED
     assert "not there" in curve.message
     assert 0.4 < curve.parameter[-1] <= 0.5
+
+
+@pytest.mark.parametrize("width", [0.1, 0.01, 1e-4])
+@pytest.mark.parametrize("aside", [0.0, 10.0])
+def test_three_zeros_within_a_step(width, aside):
+    """A crossing hides no pair, neither around it nor beside it."""
+    middle, other = 0.437, 0.437 + aside * min(width, 0.02)
+
+    def cubic(x, p):
+        return (p - middle) * ((p - other) ** 2 - min(width, 0.02 if aside else 1.0) ** 2)
+
+    curve = trace_curve(graph(lambda p: p, lambda p: 1.0), [0.0], 0.0, (0.0, 1.0), events=[Crossing(cubic, "zero")])
+    wide = min(width, 0.02 if aside else 1.0)
+    assert [one.parameter for one in curve.named("zero")] == pytest.approx(
+        sorted([middle, other - wide, other + wide]), abs=1e-12
+    )

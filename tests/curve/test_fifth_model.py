@@ -148,3 +148,18 @@ def test_solved_looped_followed_drawn_saved_and_loaded(diagram, tmp_path):
     diagram.plot(x="load", y="central_gap")
     diagram.save(tmp_path / "foundation.h5")
     assert cb.load(tmp_path / "foundation.h5") == diagram
+
+
+@pytest.mark.parametrize("more", [1e-6, 1e-4, 0.0])
+def test_folds_right_behind_first_touch_and_at_it(more):
+    """Where both laws pull alike the load is least at first touch; a little more attraction, and a little behind it."""
+    law = cb.Exponential(0.8 + more, 1.0) + cb.Exponential(more - 0.2, 0.25)
+    contact = cb.Contact(tip=cb.Parabola(1.0), interaction=law, modulus=1.0)
+    diagram = cb.trace(contact, model=MODEL, accuracy=1e-9)
+    (fold,), branch = diagram.folds("load"), diagram.branches[0]
+    assert (diagram.status, diagram.message, fold.name) == ("complete", "", "pull-off")
+    assert (fold.load, fold.displacement) == pytest.approx((-RING * (0.6 + 2 * more), 0.0), abs=1e-9)
+    assert diagram.thresholds["touch_displacement"] == pytest.approx(-5 * more / K, abs=1e-12)
+    assert not np.any(branch.unstable_load[branch.displacement > 1e-8])
+    assert np.all(branch.unstable_load[branch.displacement < -1e-4])
+    assert cb.hysteresis(contact, model=MODEL, accuracy=1e-9).status == "complete"

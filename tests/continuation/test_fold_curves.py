@@ -1,0 +1,162 @@
+"""Folds in a second parameter, in any units, from folds at zero to the edge of a family, sparse and without matrix."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from continuation_problems import Bratu
+from scipy import sparse
+
+from contbranch.continuation import Problem, trace_curve, trace_folds
+
+
+class Sheared(Problem):
+    """p + (e^Q − 1) sinh X − sinh(2X)/3, X and Q in units: a cusp where 3 (e^Q − 1) = 2, at X = p = 0."""
+
+    def __init__(self, q, unit=1.0, unit_q=1.0):
+        self.q, self.unit = np.expm1(q / unit_q), unit
+
+    def residual(self, x, p):
+        return p + self.q * np.sinh(x / self.unit) - np.sinh(2 * x / self.unit) / 3
+
+    def jacobian(self, x, p):
+        return np.diag((self.q * np.cosh(x / self.unit) - 2 / 3 * np.cosh(2 * x / self.unit)) / self.unit)
+
+
+@pytest.mark.parametrize(("unit", "unit_q"), [(1e-9, 1.0), (1e-5, 1.0), (1.0, 1e-9), (1e6, 1e6)])
+def test_cusps_are_met_in_any_units(unit, unit_q):
+    def family(q):
+        return Sheared(q, unit, unit_q)
+
+    start = np.array([-2.0 * unit])
+    curve = trace_curve(family(unit_q), start, -float(family(unit_q).residual(start, 0.0)[0]), (-30.0, 30.0))
+    folds = trace_folds(family, curve.folds[0], unit_q, (-0.5 * unit_q, unit_q))
+    (cusp,) = folds.cusps
+    assert (folds.status, len(folds.q) < 30) == ("complete", True)
+    assert cusp.q / unit_q == pytest.approx(math.log(5 / 3), abs=1e-12)
+    assert cusp.x[0] / unit == pytest.approx(0.0, abs=1e-6)
+
+
+class Moved(Problem):
+    """(x − x0)² + p0 = p."""
+
+    def __init__(self, x0, p0):
+        self.x0, self.p0 = x0, p0
+
+    def residual(self, x, p):
+        return (x - self.x0) ** 2 + self.p0 - p
+
+    def jacobian(self, x, p):
+        return np.diag(2 * (x - self.x0))
+
+
+@pytest.mark.parametrize("family", [lambda q: Moved(q - 1, 0.0), lambda q: Moved(np.sin(q - 1), q - 1 - 1e-17)])
+def test_a_fold_at_zero_is_followed_as_far_as_any_other(family):
+    curve = trace_curve(family(1.0), [1.0], 1.0, (-1.0, 4.0))
+    folds = trace_folds(family, curve.folds[0], 1.0, (-2.0, 3.0))
+    assert (folds.status, len(folds.q) < 30) == ("complete", True)
+    assert folds.q[[0, -1]] == pytest.approx([-2.0, 3.0])
+    for q, x, p in zip(folds.q, folds.x, folds.parameter, strict=True):
+        assert (x[0], p) == pytest.approx((family(q).x0, family(q).p0), abs=1e-8)
+
+
+@pytest.mark.parametrize("q", [0.0, 1.0])
+def test_a_family_is_asked_for_nothing_outside_its_range(q):
+    """√q is not defined below zero."""
+
+    def family(q):
+        return Moved(q, math.sqrt(q) ** 3)
+
+    curve = trace_curve(family(q), [q + 1.0], 1.0 + q**1.5, (-1.0, 4.0))
+    folds = trace_folds(family, curve.folds[0], q, (0.0, 2.0))
+    assert folds.status == "complete"
+    assert folds.q[[0, -1]] == pytest.approx([0.0, 2.0], abs=1e-8)
+    assert folds.parameter == pytest.approx(folds.q**1.5, abs=1e-8)
+
+
+class Loaded(Bratu):
+    def __init__(self, q, kind):
+        super().__init__(40, kind)
+        self.q = q
+
+    def residual(self, x, p):
+        return super().residual(x, p) + self.q
+
+
+def test_without_a_matrix_folds_are_those_with_one():
+    ends = []
+    for kind in ("dense", "matrix-free"):
+        curve = trace_curve(Loaded(0.0, kind), np.zeros(40), 0.0, (0.0, 6.0))
+        folds = trace_folds(lambda q, kind=kind: Loaded(q, kind), curve.folds[0], 0.0, (0.0, 2.0))
+        assert folds.status == "complete"
+        ends.append(folds.parameter[[0, -1]])
+    assert ends[0] == pytest.approx(ends[1], abs=1e-8)
+
+
+class Gelfand(Problem):
+    """u'' + p exp(u/(1 + q u)) = 0 on (0, 1)."""
+
+    asked = 0
+
+    def __init__(self, q, n):
+        self.q = q
+        rows = np.ones(n - 1), -2 * np.ones(n), np.ones(n - 1)
+        self.laplace = sparse.diags_array(rows, offsets=[-1, 0, 1]).tocsc() * (n + 1.0) ** 2
+
+    def residual(self, x, p):
+        Gelfand.asked += 1
+        return self.laplace @ x + p * self.parameter_derivative(x, p)
+
+    def jacobian(self, x, p):
+        rate = self.parameter_derivative(x, p) / (1 + self.q * x) ** 2
+        return (self.laplace + sparse.diags_array(p * rate)).tocsc()
+
+    def parameter_derivative(self, x, p):
+        return np.exp(x / (1 + self.q * x))
+
+
+def test_a_sparse_family_takes_no_difference_for_each_unknown():
+    """And its cusp converges with the square of the distance of nodes."""
+    cusps = []
+    for n in (150, 300, 600):
+        curve = trace_curve(Gelfand(0.2, n), np.zeros(n), 0.0, (0.0, 10.0))
+        Gelfand.asked = 0
+        folds = trace_folds(lambda q, n=n: Gelfand(q, n), curve.folds[0], 0.2, (0.1, 0.3))
+        cusps += [cusp.q for cusp in folds.cusps]
+        assert Gelfand.asked < 2000
+    assert (cusps[0] - cusps[1]) / (cusps[1] - cusps[2]) == pytest.approx(4.0, rel=0.05)
+
+
+class Circle(Problem):
+    def __init__(self, centre):
+        self.centre = centre
+
+    def residual(self, x, p):
+        return (x - self.centre) ** 2 + p * p - 1.0
+
+    def jacobian(self, x, p):
+        return np.diag(2 * (x - self.centre))
+
+
+@pytest.mark.parametrize(("centre", "off"), [(0.0, 0.0), (2.0, 0.0), (2.0, 0.1), (2.0, 1e-6), (1000.0, 0.0)])
+def test_a_curve_may_be_traced_from_its_fold(centre, off):
+    curve = trace_curve(Circle(centre), [centre + off], 1.0, (-2.0, 2.0))
+    assert curve.status == "complete"
+    assert [fold.parameter for fold in curve.folds] == pytest.approx([1.0, -1.0], abs=1e-9)
+
+
+def test_what_overflows_ends_a_curve_and_keeps_it():
+    """Behind its fold at 1/e, x e^(−x) = p goes on to infinity as p falls to zero."""
+
+    class Ricker(Problem):
+        def residual(self, x, p):
+            return p - x * np.exp(-x)
+
+        def jacobian(self, x, p):
+            return np.diag((x - 1) * np.exp(-x))
+
+    curve = trace_curve(Ricker(), [0.5], 0.5 * math.exp(-0.5), (-1.0, 10.0))
+    assert curve.status == "incomplete"
+    assert [fold.parameter for fold in curve.folds] == pytest.approx([math.exp(-1)], abs=1e-12)
