@@ -373,6 +373,20 @@ def test_contact_that_begins_on_a_ring_is_a_region_of_its_own():
     assert phase.parts[1][0].stop == pytest.approx(2.38743786, abs=3e-4)
 
 
+def test_folds_beyond_a_ring_are_left_out_of_a_phase_diagram_and_it_says_so():
+    contact = cb.Contact(cb.PowerLaw(3.8, 1.36), cb.Gauss(-0.734, 0.318 / 1.5), 2.187)
+    events = cb.trace(contact, accuracy=1e-3, modes=0).events
+    assert [event.kind for event in events].count("topology") == 2
+    tabor = contact.tabor
+    phase = cb.phase_diagram(contact, "tabor", (tabor, 1.001 * tabor), "load", samples=3, accuracy=1e-3)
+    assert (phase.status, phase.message) == ("incomplete", "The fold beyond a ring is not followed.")
+    folds = [event for event in events if event.kind == "fold" and event.control == "load"]
+    assert [len(parts) for parts in phase.parts] == [
+        len(folds) + 4
+    ] * 3  # with first touch, and where the ring opens and closes
+    assert len(phase.boundaries) == len(folds)
+
+
 def test_boundaries_next_to_each_other_are_all_there():
     """Pull-off and jump-in of a soft contact are 1e-4 apart where both are at −60: one does not stand for the other."""
     contact = cb.Contact(cb.Parabola(1.0), cb.MaugisDugdale(1.0, 60.88722610637245))

@@ -117,7 +117,10 @@ class Regions:
         self.parts.append(_parts(diagram, ends, self.kind))
         known = [k for boundary in self.boundaries for k in _met(boundary, edges, value, member)]
         for k, event in enumerate(edges):
-            if k in known or not followable(event):
+            if k in known:
+                continue
+            if not followable(event):
+                self.messages.append(f"The {event.name or event.kind} beyond a ring is not followed.")
                 continue
             goals = tuple(v for v in self.between if v != value)
             found = followed(event, replace(self.family, start=value, contact=member), goals, self.accuracy)
