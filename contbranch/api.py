@@ -243,7 +243,7 @@ def _found(asked: _Asked, found: Coexisting, field: str) -> Equilibria:
 
 
 def best_of(found: Equilibria, field: str) -> Solution:
-    """The best of all equilibria at a load or displacement as `solve` chooses it, with the others behind it.
+    """The best of all equilibria at a load or displacement as `solve` chooses it, with all of them along the curve.
 
     Raises
     ------
@@ -255,9 +255,8 @@ def best_of(found: Equilibria, field: str) -> Solution:
         raise InputError(f"load, displacement: no equilibrium there with a displacement from {low:.6g} to {high:.6g}")
     held = as_control(found.control if found.stiffness is None else Spring(found.stiffness))
     best = _lowest(found.states, held, field) if found.states else UNKNOWN
-    states = (best, *(state for state in found.states if state is not best)) if found.states else ()
-    names = ("model", "cost", "status", "message", "contact", "control", "stiffness", "accuracy")
-    return _as_solution(best, states=states, **{name: getattr(found, name) for name in names})
+    names = ("model", "cost", "status", "message", "states", "contact", "control", "stiffness", "accuracy")
+    return _as_solution(best, **{name: getattr(found, name) for name in names})
 
 
 def _as_solution(state: State, **told: Any) -> Solution:

@@ -573,7 +573,7 @@ class Solution(State, Result):
     status, message : str
         The message says how many equilibria there are, if that is known.
     states : tuple of State
-        The equilibria found, this one first.
+        The equilibria found, this one first; of all of them on request (``solve --all``), in order along the curve.
     control, stiffness : str, float or None
         Whose stability counts.
     accuracy : float
@@ -604,7 +604,7 @@ class Solution(State, Result):
         return draw(self)
 
     def tables(self) -> Tables:
-        """The states found, this one first."""
+        """The states found, in the order of `known`."""
         return {"state": of_records(State, self.known, self.units)}
 
     def body(self) -> Values:
