@@ -29,6 +29,7 @@ from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import Array, Direction, Problem, size_of
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
+from contbranch.watch import watched
 
 # How often the scales of a start next to a fold are improved.
 BENDS = 10
@@ -75,6 +76,8 @@ def trace_curve(
     ------
     InputError
         If the start or the range cannot be used. Failures of the problem are not raised but reported.
+    KeyboardInterrupt
+        With the curve followed so far as its attribute ``partial``.
     """
     options = options or Options()
     stop = stop or StopAt()
@@ -83,7 +86,7 @@ def trace_curve(
     if x.ndim != 1 or x.size == 0 or not np.all(np.isfinite(x)):
         raise InputError("x0 must be a one-dimensional array of finite numbers with at least one element.")
     # Overflow in a trial point is answered by a shorter step; a warning would only alarm.
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+    with watched() as watch, np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
             _check_shapes(problem, x, float(p0))
             start, balance = _start(problem, x, float(p0), interval, options)
@@ -91,8 +94,8 @@ def trace_curve(
             told = error.outcome in (Outcome.NOT_FINITE, Outcome.EVALUATION_FAILED)
             end = End(error.outcome if told else Outcome.START_FAILED, error.detail)
             return Curve((), (), (end, end))
-        forward, backward = _both_directions(start, balance, interval, options, events, stop)
-    return joined(start, forward, backward)
+        curve = joined(start, *_both_directions(start, balance, interval, options, events, stop))
+    return watch.passed(curve)
 
 
 def interval_around(parameter_range: tuple[float, float], p0: float) -> Range:

@@ -160,3 +160,20 @@ def test_what_overflows_ends_a_curve_and_keeps_it():
     curve = trace_curve(Ricker(), [0.5], 0.5 * math.exp(-0.5), (-1.0, 10.0))
     assert curve.status == "incomplete"
     assert [fold.parameter for fold in curve.folds] == pytest.approx([math.exp(-1)], abs=1e-12)
+
+
+def test_an_interrupted_curve_is_kept():
+    class Slow(Circle):
+        left = 60
+
+        def residual(self, x, p):
+            self.left -= 1
+            if not self.left:
+                raise KeyboardInterrupt
+            return super().residual(x, p)
+
+    whole = trace_curve(Circle(0.0), [0.0], -1.0, (-2.0, 2.0))
+    with pytest.raises(KeyboardInterrupt) as raised:
+        trace_curve(Slow(0.0), [0.0], -1.0, (-2.0, 2.0))
+    partial = raised.value.partial
+    assert (partial.status, 2 < len(partial.points) < len(whole.points)) == ("incomplete", True)
