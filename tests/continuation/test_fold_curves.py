@@ -63,7 +63,7 @@ def test_a_fold_at_zero_is_followed_as_far_as_any_other(family):
 
 
 @pytest.mark.parametrize("q", [0.0, 1.0])
-def test_a_family_is_asked_for_nothing_outside_its_range(q):
+def test_a_family_need_not_be_defined_outside_its_range(q):
     """√q is not defined below zero."""
 
     def family(q):
