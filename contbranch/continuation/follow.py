@@ -89,7 +89,7 @@ class _Direction:
             except CorrectionError as error:
                 end = End(error.outcome, error.detail, error.__cause__)
             except (OverflowError, ZeroDivisionError) as error:
-                end = End(Outcome.NOT_FINITE, f"({error})", error)
+                end = End(Outcome.NOT_FINITE, "(Lengths along the curve overflow.)", error)
             except INTERRUPTIONS as error:
                 caught(error)
                 end = End(Outcome.INTERRUPTED)
