@@ -381,9 +381,8 @@ def test_folds_beyond_a_ring_are_left_out_of_a_phase_diagram_and_it_says_so():
     phase = cb.phase_diagram(contact, "tabor", (tabor, 1.001 * tabor), "load", samples=3, accuracy=1e-3)
     assert (phase.status, phase.message) == ("incomplete", "The fold beyond a ring is not followed.")
     folds = [event for event in events if event.kind == "fold" and event.control == "load"]
-    assert [len(parts) for parts in phase.parts] == [
-        len(folds) + 4
-    ] * 3  # with first touch, and where the ring opens and closes
+    # Between them lie first touch, and where the ring opens and closes.
+    assert [len(parts) for parts in phase.parts] == [len(folds) + 4] * 3
     assert len(phase.boundaries) == len(folds)
 
 

@@ -470,12 +470,13 @@ def _best(
             if best is None or error < best.relative_error():
                 best = found
             if chance is None and error <= accuracy and (rough or problem.pieced):
-                chance, doubled = found if before is None else _confirming(found, before), problem.doubled()
+                best, chance = None, found if before is None else _confirming(found, before)
+                doubled = problem.doubled()
                 if doubled is problem and before is not None:
-                    return chance
+                    break
                 if doubled is problem:
                     doubled = problem.halved(place.point, 0.0)
-                place, best, before = _located(_carried(place, doubled, event), event), None, found
+                place, before = _located(_carried(place, doubled, event), event), found
                 continue
             spent = idle == len(IDLE) or (rough and error > WORSE * last)  # what is left is rounding
             if error <= accuracy or finer.size > LARGEST or spent or problem.given:
