@@ -97,8 +97,8 @@ def trace_folds(
     Parameters
     ----------
     make_problem : callable
-        Returns the problem at a value of q; its discretisation must not change with q. A Jacobian without matrix is asked
-        for all its columns.
+        Returns the problem at a value of q; its discretisation must not change with q. Where its Jacobian is no matrix,
+        all columns are asked for.
     fold : Fold
         A fold of ``make_problem(q)``.
     q : float
