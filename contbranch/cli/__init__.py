@@ -9,7 +9,8 @@ import sys
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
+
+    from contbranch.output.files import Place
 
 
 class Interrupts:
@@ -23,15 +24,15 @@ class Interrupts:
         Whether there was a signal; a second one interrupts whatever is being done.
     status : int
         What the program exits with then: 130 for Ctrl-C, 143 for SIGTERM, with which job schedulers end a job.
-    unfinished : list of Path
-        Files to be removed when the program ends at once.
+    unfinished : list of Place
+        Where files are being written, to be removed when the program ends at once.
     """
 
     keeping = pending = False
     status = 130
 
     def __init__(self) -> None:
-        self.unfinished: list[Path] = []
+        self.unfinished: list[Place] = []
 
     def heed(self) -> None:
         """Heed signals from now on, unless the program was started so that they are ignored."""
@@ -43,8 +44,8 @@ class Interrupts:
         """Take note, or end."""
         self.status = 128 + number
         if not self.keeping:
-            for path in self.unfinished:
-                path.unlink(missing_ok=True)
+            for place in self.unfinished:
+                place.abandon()
             os.write(2, b"contbranch: interrupted\n")
             os._exit(self.status)
         if self.pending:

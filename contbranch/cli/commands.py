@@ -381,7 +381,7 @@ def _run(given: list[str]) -> int:
     with ExitStack() as stack:
         outputs = _outputs(asked)
         places = [stack.enter_context(reserved(path, field)) for field, path in outputs if field not in command.own]
-        interrupts.unfinished = [place.unfinished for place in places if place.unfinished is not None]
+        interrupts.unfinished = places
         try:
             result = command.compute(asked) if name in ("show", "advise") else _watched(command, asked)
         except KeyboardInterrupt as error:

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from contbranch.contact.text import as_path
 from contbranch.errors import InputError
+
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks, and renames and removes no file that is open
+    fcntl = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)
@@ -22,15 +28,15 @@ class Place:
         Its name for the user.
     field : str
         What named it: the beginning of complaints.
-    number : int
-        Descriptor of what takes the file's name when it is complete, or of a device.
+    file : binary file without buffer
+        What takes the file's name when it is complete, or a device.
     unfinished : Path or None
         The name that it has until then; None for a device.
     """
 
     path: Path
     field: str
-    number: int
+    file: IO[bytes]
     unfinished: Path | None
 
     def write(self, content: bytes) -> None:
@@ -43,15 +49,28 @@ class Place:
         """
         try:
             if self.unfinished is not None:
-                os.ftruncate(self.number, 0)
+                self.file.truncate(0)
             rest = memoryview(content)
             while rest:
-                rest = rest[os.write(self.number, rest) :]
+                rest = rest[self.file.write(rest) :]
             if self.unfinished is not None:
-                os.fsync(self.number)
+                os.fsync(self.file.fileno())
+                if fcntl is None:
+                    self.file.close()
                 os.replace(self.unfinished, self.path.resolve())
         except OSError as error:
             raise _refused(self.path, self.field, error) from None
+
+    def abandon(self) -> None:
+        """Close the file, and remove it if it is unfinished."""
+        own = (
+            self.unfinished if not self.file.closed and self.unfinished and _same(self.file, self.unfinished) else None
+        )
+        if fcntl is None:
+            self.file.close()
+        if own is not None:
+            own.unlink()
+        self.file.close()
 
 
 @contextmanager
@@ -68,17 +87,16 @@ def reserved(path: str | Path, field: str = "path") -> Iterator[Place]:
     device = target.exists() and not target.is_file()
     unfinished = None if device else target.with_name(target.name + ".part")
     try:
-        number = _opened(unfinished) if unfinished is not None else os.open(target, os.O_WRONLY)
+        file = _opened(unfinished) if unfinished is not None else _binary(target, "wb")
     except BlockingIOError:
         raise InputError(f"{field}: '{path}' is being written by another process; choose another file") from None
     except OSError as error:
         raise _refused(path, field, error) from None
+    place = Place(path, field, file, unfinished)
     try:
-        yield Place(path, field, number, unfinished)
+        yield place
     finally:
-        if unfinished is not None and _same(number, unfinished):
-            unfinished.unlink()
-        os.close(number)
+        place.abandon()
 
 
 def write(path: str | Path, content: bytes) -> None:
@@ -98,31 +116,36 @@ def _refused(path: Path, field: str, error: OSError) -> InputError:
     return InputError(f"{field}: '{path}' cannot be written ({reason}); give a writable file")
 
 
-def _opened(path: Path) -> int:
+def _binary(path: Path, mode: str) -> IO[bytes]:
+    return open(path, mode, buffering=0)
+
+
+def _opened(path: Path) -> IO[bytes]:
     """Open an unfinished file and lock it; the lock dies with its process, and what that has left is written over."""
     while True:
-        number = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        file = _binary(path, "ab")
         try:
-            lock(number)
-            if _same(number, path):  # otherwise its last writer has finished or removed it in between
-                return number
+            lock(file)
+            if _same(file, path):  # otherwise its last writer has finished or removed it in between
+                return file
         except BaseException:
-            os.close(number)
+            file.close()
             raise
-        os.close(number)
+        file.close()
 
 
-def lock(number: int, wait: bool = False) -> None:
-    """Lock an open file; BlockingIOError if another process has, unless that is waited for."""
-    with suppress(ImportError):  # where there are no such locks, the last writer wins
-        import fcntl
+def lock(file: IO[bytes], wait: bool = False) -> None:
+    """Lock an open file; BlockingIOError if another process has, unless that is waited for.
 
-        fcntl.flock(number, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    Without locks the last writer wins.
+    """
+    if fcntl is not None:
+        fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
 
 
-def _same(number: int, path: Path) -> bool:
+def _same(file: IO[bytes], path: Path) -> bool:
     """Whether an open file has a name."""
     try:
-        return os.path.samestat(os.fstat(number), path.stat())
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
     except FileNotFoundError:
         return False

@@ -64,13 +64,13 @@ class Records:
     def __init__(self, path: Path, wait: bool = False) -> None:
         self.path, self._synced = path, 0.0
         self._file: IO[bytes] = open(path, "a+b", buffering=0)  # noqa: SIM115  # closed by close
-        lock(self._file.fileno(), wait)
+        lock(self._file, wait)
         self.entries, end = [], 0
         for entry in self._read():
             self.entries.append(entry)
             end = entry.stop
         if end < os.fstat(self._file.fileno()).st_size:  # torn: the program ended while it was written
-            os.ftruncate(self._file.fileno(), end)
+            self._file.truncate(end)
 
     def _read(self) -> Iterator[Entry]:
         place = 0
@@ -91,7 +91,7 @@ class Records:
         """Write a record, and wait until it is on the disk, unless the one before was within the last second."""
         rest = memoryview(record)
         while rest:
-            rest = rest[os.write(self._file.fileno(), rest) :]
+            rest = rest[self._file.write(rest) :]
         if sync and time.monotonic() > self._synced + _LOST:
             self.sync()
 
@@ -102,7 +102,8 @@ class Records:
 
     def bytes_of(self, start: int, stop: int) -> bytes:
         """A part of the file."""
-        return os.pread(self._file.fileno(), stop - start, start)
+        self._file.seek(start)  # what is appended goes to the end all the same
+        return self._file.read(stop - start)
 
     def close(self) -> None:
         """Close the file, which releases its lock."""
@@ -166,9 +167,9 @@ class Journal:
                 if entry.about["run"] not in self._runs:
                     self.add(batch.bytes_of(entry.start, entry.stop), sync=False)
             self._records.sync()
-            path.unlink()
         finally:
             batch.close()
+        path.unlink()
         return begun
 
     def record(self, key: str) -> bytes:
@@ -181,8 +182,8 @@ class Journal:
 
     def close(self, remove: bool = False) -> None:
         """Close the journal; remove it when all of it is in the sweep's file."""
+        self._records.close()
         if remove:
             for path in self.folder.iterdir():
                 path.unlink()
             self.folder.rmdir()
-        self._records.close()
