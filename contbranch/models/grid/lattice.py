@@ -9,15 +9,18 @@ where A is the area of the array that is transformed, and the displacement of th
 - Periodic cell of edge L: K̂ = E|q|/2 (8)-(10), A = L². The mean displacement has no elastic energy. The cell's images
   shift it against that of the far field of a single contact: C = 3.90026492/(π E L), the sum over the images of the
   point force less its mean.
-- Free space: pressures within the disc inscribed in the cell act through 1/(π E r) up to the distance L, in an array of
-  twice the edge, whose images are then too far to be felt. The transform of the kernel cut off at r = L,
-  Ŝ(q) = (2/E|q|) ∫_0^(|q|L) J0(t) dt, is positive, so that K̂ = 1/Ŝ; Ŝ(0) = 2L/E gives C = Ŝ(0)/A = 1/(2 E L).
+- Free space: pressures in the cell act through 1/(π E r), in an array of twice the edge. The kernel ends with the square
+  |x|, |y| <= L, so that no node of the cell feels images. Its values on the nodes are those of the kernel that ends at
+  the radius D > √2 L, whose transform (2/E|q|) ∫_0^(|q|D) J0(t) dt is known (Vico, Greengard & Ferrando, J. Comput.
+  Phys. 323, 191 (2016)), in an array of edge 4L >= L + D. Their transform Ŝ on the array of edge 2L is positive, within
+  10 % of 2/E|q|, so that K̂ = 1/Ŝ; Ŝ(0), up to the spacing 8 ln(1 + √2) L/(π E), gives C = Ŝ(0)/A.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -25,7 +28,7 @@ import scipy
 
 from contbranch.arrays import Array
 
-from .transforms import EVEN, Counter, Sector, Transform, wavenumbers
+from .transforms import EVEN, Counter, Sector, Transform, orders, wavenumbers
 
 __all__ = ["IMAGE_SUM", "Kind", "Lattice"]
 
@@ -34,6 +37,22 @@ Kind = Literal["periodic", "free"]
 # Σ over the periodic images of a point force on a square lattice of edge 1, less the mean: minus the Madelung constant
 # of a square lattice of charges in a neutralising plane (Bonsall & Maradudin, Phys. Rev. B 15, 1959, 1977).
 IMAGE_SUM = 3.900264920001955
+# D over L: as far from √2, beyond which it does not end within the square, as from 3, where images would be felt.
+CUT = 0.5 * (math.sqrt(2.0) + 3.0)
+
+
+@lru_cache(maxsize=8)
+def _square_compliance(grid: int) -> Array:
+    """Ŝ/L of the kernel that ends with the square, at q = π/L times whole numbers from 0 to N, (N + 1, N + 1)."""
+    numbers = np.arange(2 * grid + 1.0)
+    q = 0.5 * np.pi * np.hypot(numbers[:, None], numbers[None, :])
+    q[0, 0] = 1.0
+    disc = 2.0 / q * scipy.special.itj0y0((CUT * q).ravel())[0].reshape(q.shape)
+    disc[0, 0] = 2.0 * CUT
+    kernel = scipy.fft.dctn(disc, type=1)[: grid + 1, : grid + 1] / (4.0 * grid) ** 2
+    found = scipy.fft.dctn(kernel, type=1)
+    found.flags.writeable = False
+    return np.asarray(found)
 
 
 @dataclass(frozen=True)
@@ -92,7 +111,9 @@ class Lattice:
     @property
     def compliance(self) -> float:
         """C of d = C F - mean(u)."""
-        return IMAGE_SUM / (np.pi * self.edge) if self.kind == "periodic" else 0.5 / self.edge
+        if self.kind == "periodic":
+            return IMAGE_SUM / (np.pi * self.edge)
+        return float(_square_compliance(self.grid)[0, 0]) / (4.0 * self.edge)
 
     @cached_property
     def axis(self) -> Array:
@@ -110,13 +131,11 @@ class Lattice:
 
     def symbol(self, parity: Sector | None) -> Array:
         """K̂ at every coefficient of a transform."""
-        q = wavenumbers(self.size, self.spacing, parity)
         if self.kind == "periodic":
-            return 0.5 * q
-        nowhere = q == 0.0
-        safe = np.where(nowhere, 1.0, q)
-        stiffness = 0.5 * safe / scipy.special.itj0y0((safe * self.edge).ravel())[0].reshape(q.shape)
-        stiffness[nowhere] = 0.0
+            return 0.5 * wavenumbers(self.size, self.spacing, parity)
+        rows, columns = (np.abs(numbers).astype(int) for numbers in orders(self.size, parity))
+        stiffness: Array = 1.0 / (self.edge * _square_compliance(self.grid)[rows, columns])
+        stiffness[(rows == 0) & (columns == 0)] = 0.0
         return stiffness
 
     def held_symbol(self, parity: Sector | None) -> Array:

@@ -18,7 +18,7 @@ from contbranch.curve.problem import Work
 from contbranch.results.diagram import Cost
 from contbranch.watch import check
 
-__all__ = ["EVEN", "Counter", "Parity", "Sector", "Transform", "wavenumbers"]
+__all__ = ["EVEN", "Counter", "Parity", "Sector", "Transform", "orders", "wavenumbers"]
 
 Parity = Literal["even", "odd"]
 Sector = tuple[Parity, Parity]
@@ -47,26 +47,30 @@ class Counter(Work):
         return Cost(0.0, self.newton, self.equilibrium, self.stability)
 
 
-def wavenumbers(nodes: int, spacing: float, parity: Sector | None) -> Array:
-    """|q| of every coefficient of a transform, (m, m) for a quarter with m nodes a side, (M, M/2+1) for the whole.
+def orders(nodes: int, parity: Sector | None) -> tuple[Array, Array]:
+    """Numbers of the coefficients of a transform along both directions, (m, 1) and (1, m): half waves on a quarter with
+    m nodes a side, waves on the whole array, (M, 1) and (1, M/2+1).
 
     Parameters
     ----------
     nodes : int
         Nodes along one side of the array that is transformed.
-    spacing : float
     parity : (str, str) or None
         Of the two directions; None: the whole lattice.
     """
+    if parity is not None:
+        rows, columns = (np.arange(float(nodes)) + float(p == "odd") for p in parity)
+        return rows[:, None], columns[None, :]
+    waves = np.arange(float(nodes))
+    return (waves - nodes * (2.0 * waves >= nodes))[:, None], waves[None, : nodes // 2 + 1]
+
+
+def wavenumbers(nodes: int, spacing: float, parity: Sector | None) -> Array:
+    """|q| of every coefficient of a transform; `nodes` and `parity` as for `orders`."""
     # From whole numbers, so that a quarter and the whole lattice have the same digits.
-    if parity is None:
-        unit = 2.0 * np.pi / (nodes * spacing)
-        rows, columns = np.fft.fftfreq(nodes, 1.0 / nodes), np.fft.rfftfreq(nodes, 1.0 / nodes)
-    else:
-        unit = np.pi / (nodes * spacing)
-        rows, columns = (np.arange(nodes) + float(p == "odd") for p in parity)
-    squares = np.rint(rows[:, None] ** 2 + columns[None, :] ** 2)
-    return unit * np.sqrt(squares)
+    rows, columns = orders(nodes, parity)
+    unit = (2.0 if parity is None else 1.0) * np.pi / (nodes * spacing)
+    return np.asarray(unit * np.sqrt(np.rint(rows**2 + columns**2)))
 
 
 @dataclass
