@@ -10,10 +10,10 @@ where A is the area of the array that is transformed, and the displacement of th
   shift it against that of the far field of a single contact: C = 3.90026492/(π E L), the sum over the images of the
   point force less its mean.
 - Free space: pressures in the cell act through 1/(π E r), in an array of twice the edge. The kernel ends with the
-  square |x|, |y| <= L, so that no node of the cell feels images. Its values on the nodes are those of the kernel that ends at
-  the radius D > √2 L, whose transform (2/E|q|) ∫_0^(|q|D) J0(t) dt is known (Vico, Greengard & Ferrando, J. Comput.
-  Phys. 323, 191 (2016)), in an array of edge 4L >= L + D. Their transform Ŝ on the array of edge 2L is positive, within
-  10 % of 2/E|q|, so that K̂ = 1/Ŝ; Ŝ(0), up to the spacing 8 ln(1 + √2) L/(π E), gives C = Ŝ(0)/A.
+  square |x|, |y| <= L, so that no node of the cell feels images. Its values on the nodes are those of the kernel that
+  ends at the radius D > √2 L, whose transform (2/E|q|) ∫_0^(|q|D) J0(t) dt is known (Vico, Greengard & Ferrando, J.
+  Comput. Phys. 323, 191 (2016)), in an array of edge 4L >= L + D. Their transform Ŝ on the array of edge 2L is
+  positive, within 10 % of 2/E|q|, so that K̂ = 1/Ŝ; Ŝ(0), up to the spacing 8 ln(1 + √2) L/(π E), gives C = Ŝ(0)/A.
 """
 
 from __future__ import annotations
