@@ -168,8 +168,8 @@ def _errors(found: Thresholds, wanted: Judged) -> dict[str, float | None]:
 
 
 def _work(contact: Contact) -> float:
-    """The net work of adhesion, −v(0)."""
-    return 0.0 if contact.interaction is None else -float(contact.interaction.evaluate(0.0).energy)
+    """The net work of adhesion."""
+    return 0.0 if contact.interaction is None else contact.interaction.adhesion
 
 
 def _hertz(contact: Contact, _: Control) -> Thresholds | None:

@@ -21,6 +21,7 @@ import contbranch as cb
 from contbranch import watch
 from contbranch.cli import main
 from contbranch.models.axisymmetric.problem import ContactProblem
+from contbranch.models.grid import equilibria
 
 ATTRACTION = cb.Contact.reduced(cb.Exponential, tabor=4.0)
 REPULSION = cb.Contact.reduced(cb.Gauss, tabor=1.0, sign=-1)
@@ -82,6 +83,22 @@ def test_rows_survive_what_is_checked_of_them_in_the_end(monkeypatch: pytest.Mon
     assert part.status == "incomplete"
     assert len(part.branches[0]) == len(whole.branches[0])
     assert [event.kind for event in part.events] == [event.kind for event in whole.events if event.kind != "symmetry"]
+
+
+def test_rows_survive_where_folds_of_a_grid_are_compared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Stopped while the first of two folds of one control is located, whose states are not at hand any more."""
+    contact, model = MODELS["grid"]
+
+    def stops(fraction: float, text: str) -> None:
+        if text.startswith("locating"):
+            raise cb.Stop
+
+    monkeypatch.setattr(equilibria, "RECENT", 1)
+    part = cb.trace(contact, model=model, progress=stops)
+    assert (part.status, len(list(part.folds("load")))) == ("incomplete", 2)
+    assert len(part.branches[0]) > 20
+    part.save(tmp_path / "x.h5")
+    assert len(cb.load(tmp_path / "x.h5").branches[0]) == len(part.branches[0])
 
 
 @cache

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import Array
@@ -22,6 +24,9 @@ _FAR = 1e50
 # Where kinks are looked for, in ranges: from, to, how many places; jumps of f'' that count, as a share of its largest
 # value, and how closely they are told.
 _KINKS, _JUMP, _KINKED = (1e-3, 20.0, 4001), 1e-2, 1e-13
+# Energies that count, as a share of the largest, and the gaps at which they are looked at, relative to where a law has
+# decayed to that.
+WEAK, _SAMPLES = 1e-2, np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 400)])
 
 
 class Response(NamedTuple):
@@ -125,6 +130,40 @@ class Interaction:
         """Wavelength in which the law oscillates over any number of ranges; infinite if it does not."""
         return math.inf
 
+    @cached_property
+    def samples(self) -> tuple[Array, Array]:
+        """Gaps out to where the law has decayed, and the energies per area there; NaN where they have no value."""
+        gaps = self.reach(WEAK) * _SAMPLES
+        try:
+            energies = np.array(self.evaluate(gaps).energy, dtype=float)
+        except Exception:  # a law may fail where the contact never comes
+            energies = np.full(gaps.shape, np.nan)
+            for k, gap in enumerate(gaps):
+                with suppress(Exception):
+                    energies[k] = self.evaluate(np.array([gap])).energy[0]
+        return gaps, np.where(np.isfinite(energies), energies, np.nan)
+
+    @cached_property
+    def core(self) -> float:
+        """The gap > 0 at which v is lowest, within which the law repels; 0 if that is at the wall, or v nowhere < 0."""
+        gaps, energies = self.samples
+        least = int(np.argmin(np.where(np.isnan(energies), np.inf, energies)))
+        if not energies[least] < 0.0 or energies[0] - energies[least] < WEAK * abs(energies[least]):
+            return 0.0
+
+        def pressure(gap: float) -> float:
+            return float(self.evaluate(np.array([gap])).pressure[0])
+
+        inner, outer = gaps[max(least - 1, 0)], gaps[min(least + 1, gaps.size - 1)]
+        if pressure(inner) > 0.0 > pressure(outer):
+            return float(scipy.optimize.brentq(pressure, inner, outer, xtol=1e-14 * outer))
+        return float(gaps[least])
+
+    @property
+    def adhesion(self) -> float:
+        """The energy per area that is gained from infinite separation, the depth of v's minimum; −v(0) without one."""
+        return -float(self.evaluate(np.array([self.core])).energy[0])
+
     @property
     def kinks(self) -> tuple[float, ...]:
         """The gaps at which v'' jumps, from far away inwards."""
@@ -193,6 +232,8 @@ class Interaction:
         law = copy(self)  # whatever else a law of the user's own consists of
         object.__setattr__(law, "work_of_adhesion", self.work_of_adhesion / energy)
         object.__setattr__(law, "range", self.range / normal)
+        for name in ("samples", "core"):
+            law.__dict__.pop(name, None)
         return law
 
     def __add__(self, other: object) -> Interaction:

@@ -190,7 +190,8 @@ class Tabulated(Evaluated):
     pressures
         (n,) p = -v'.
     work_of_adhesion, range
-        Not given but taken from the table: -v(0), and max|v|/max|p|.
+        Not given but taken from the table: -v(0), and max|v|/max|p|. Where v is lowest at a gap above zero, as with the
+        repulsive core of a Lennard-Jones law, the depth of that minimum, and the quotient outside of it.
 
     Notes
     -----
@@ -215,13 +216,14 @@ class Tabulated(Evaluated):
         gaps, values = columns(self, "gaps", self._kind)
         object.__setattr__(self, "_table", energy_of_table(gaps, values, self._kind))
         places = np.concatenate([np.nextafter(gaps, 0.0), 0.5 * (gaps[1:] + gaps[:-1])])
-        largest, steepest = (float(np.max(np.abs(self._table.energy(places, order)))) for order in (0, 1))
-        at_contact = float(self._table.energy(0.0))
-        if at_contact == 0.0 or steepest == 0.0:
+        object.__setattr__(self, "_largest", float(np.max(np.abs(self._table.energy(places)))))
+        outside = np.append(self.core, places[places > self.core])
+        largest, steepest = (float(np.max(np.abs(self._table.energy(outside, order)))) for order in (0, 1))
+        if self.adhesion == 0.0 or steepest == 0.0:
             raise InputError(
                 "gaps: the law has no energy at gap 0; give a table whose energy does not vanish at contact"
             )
-        for name, value in (("work_of_adhesion", -at_contact), ("range", largest / steepest), ("_largest", largest)):
+        for name, value in (("work_of_adhesion", self.adhesion), ("range", largest / steepest), ("_largest", largest)):
             object.__setattr__(self, name, value)
 
     @property
@@ -236,7 +238,7 @@ class Tabulated(Evaluated):
 
     @property
     def reference_work(self) -> float:
-        """The largest |v| of the table."""
+        """The largest |v| of the table, outside of a repulsive core."""
         return self._largest
 
     @property

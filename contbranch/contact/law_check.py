@@ -74,10 +74,12 @@ def _check_values(law: Interaction, name: str, found: list[tuple[float, Response
         raise InputError(f"{name}: is finite at none of the gaps {', '.join(map(str, GAPS))} (in ranges)")
     if spoiled:
         warned(f"{name}: is not finite at gaps of {', '.join(f'{x:g}' for x in spoiled)} ranges")
-    unit = [float(answer.energy[2]) / -law.work_of_adhesion for x, answer in found if x == 0.0 and x not in spoiled]
-    if unit and not isinstance(law, Evaluated) and abs(unit[0] - 1.0) > UNIT:
-        text = f"{name}: f(0) is {unit[0]:.6g}, documented as 1: so many times the work of adhesion given are gained"
-        warned(text)
+    if isinstance(law, Evaluated) or (0.0 in spoiled and not law.core):
+        return
+    place, unit = law.core / law.range, law.adhesion / law.work_of_adhesion
+    if abs(unit - 1.0) > UNIT:
+        text = f"{name}: f({place:.3g}) is {unit:.6g}, documented as 1: so many times the work of adhesion given are"
+        warned(f"{text} gained")
 
 
 @np.errstate(all="ignore")  # what is not finite is told apart

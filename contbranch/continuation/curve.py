@@ -30,6 +30,7 @@ class Outcome(Enum):
     MAXIMUM_POINTS = "The largest number of points allowed was reached before the end of the curve."
     START_FAILED = "No solution was found near the start."
     STEP_TOO_SMALL = "Newton's method failed at the smallest step."
+    TURNED_BACK = "The steps turned back along the curve."
     NOT_FINITE = "The problem returned values that are not finite, even at the smallest step."
     INTERRUPTED = "The computation was interrupted."
     EVALUATION_FAILED = "The problem raised an error, even at the smallest step."

@@ -167,10 +167,15 @@ class Ceiling(Event):
             return own["contact_radius"] - self.target
         return self.control.weighted(own["load"], own["displacement"]) - self.target
 
+    def counts(self, point: Point) -> bool:
+        """Whether a curve may end there: in contact, within the law's core, or in a film that stays."""
+        own, problem = point.observables, equilibrium(point)
+        return own["contact_radius"] > 0.0 or own["central_gap"] < problem.core or problem.endures(point)
+
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """The first passage from below, in contact; beyond the value already, where it rises."""
         begin, end = segment.begin, segment.end
-        if self.value(end) < 0.0 or not (end.observables["contact_radius"] or equilibrium(end).endures(end)):
+        if self.value(end) < 0.0 or not self.counts(end):
             return []
         arrive = self._rate(end)
         if self.value(begin) >= 0.0:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from contextlib import suppress
 
 import numpy as np
 
-from contbranch.arrays import Array
-from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.interaction_law import WEAK, terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction, Layered, Tabulated
 from contbranch.results.diagram import Event
 
@@ -18,8 +16,6 @@ __all__ = ["fold_name", "number_layers", "signs_of", "threshold_events", "thresh
 # Folds at which a control has a maximum along the curve, and a minimum.
 MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
 ATTRACTIVE = (MAXIMA[1], MINIMA[1])
-# Energies, as a share of the largest, that do not count as another sign, and places where they are looked at.
-WEAK, SAMPLES = 1e-2, 200
 
 
 def fold_name(signs: tuple[bool, bool], control: str | None, load: float, lost_on_increase: bool) -> str:
@@ -54,18 +50,9 @@ def signs_of(interaction: Interaction | None) -> tuple[bool, bool]:
             return True, True
         energies.append(-term.work_of_adhesion)
         if isinstance(term, Tabulated) or type(term) is not INTERACTIONS.get(term.name):
-            found = np.nan_to_num(_energies(term), posinf=0.0, neginf=0.0)
+            found = np.nan_to_num(term.samples[1])
             energies[-1:] = found[np.abs(found) > WEAK * np.abs(found).max()].tolist()
     return min(energies) < 0.0, max(energies) > 0.0
-
-
-def _energies(law: Interaction) -> Array:
-    """Energies at gaps out to where a law has decayed."""
-    found = [0.0]
-    for gap in np.linspace(0.0, law.reach(WEAK), SAMPLES):
-        with suppress(Exception):  # a law may fail where the contact never comes
-            found.append(float(law.evaluate(np.array([gap])).energy[0]))
-    return np.array(found)
 
 
 def number_layers(
@@ -109,8 +96,8 @@ def thresholds(events: Sequence[Event], repulsive: bool) -> dict[str, float]:
 def threshold_events(events: Sequence[Event], repulsive: bool) -> dict[str, tuple[Event, str]]:
     """Named loads, displacements and radii: the event and its quantity by the threshold's name, where it exists.
 
-    Of several folds with one name the outermost counts: the lowest for pull-off and wetting, the highest for the
-    others. A repulsion without folds squeezes out continuously, at first touch. Folds of a spring have both a load and
+    Of several folds with one name the outermost counts: the lowest for pull-off, jump-in and wetting, the highest for
+    squeeze-out. A repulsion without folds squeezes out continuously, at first touch. Folds of a spring have both a load and
     a displacement.
     """
     found: dict[str, tuple[Event, str]] = {}
@@ -122,7 +109,7 @@ def threshold_events(events: Sequence[Event], repulsive: bool) -> dict[str, tupl
                 continue
             key, spring = name.replace("-", "_"), control == "spring"
             quantity = "displacement" if spring else control
-            outermost = (min if name in MINIMA else max)(named, key=operator.attrgetter(quantity))
+            outermost = (max if name == "squeeze-out" else min)(named, key=operator.attrgetter(quantity))
             if spring:
                 key += "_spring"
                 found[f"{key}_load"] = outermost, "load"

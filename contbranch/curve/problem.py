@@ -317,6 +317,11 @@ class EquilibriumProblem(Problem):
         """Why a curve ends at a point; `name` is a margin, "end", or empty if it could not be followed."""
         return ""
 
+    @property
+    def core(self) -> float:
+        """The central gap below which a film counts as contact: that of the law's repulsive core, if it has one."""
+        return 0.0
+
     def endures(self, point: Point) -> bool:
         """Whether no load that can be computed leads from a state without contact to a fold, or to contact."""
         return False

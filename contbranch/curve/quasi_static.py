@@ -7,7 +7,6 @@ lowered again. A stable part ends at a fold of the control; there the system jum
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from contbranch.errors import ModelError
 from contbranch.results.diagram import State
-from contbranch.watch import finishing, kept, over
+from contbranch.watch import finishing, kept
 
 if TYPE_CHECKING:
     from contbranch.curve.paths import CurveWalk
@@ -101,7 +100,7 @@ def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
         If it comes to a fold again, stability is lost where there is none, or a state that it needs is not found; what
         has been appended stays.
     """
-    with finishing() if over() else nullcontext():
+    with finishing():
         folds = walk.folds()
         start = _start(walk, folds)
     if start is None:

@@ -52,12 +52,13 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     if not track.points:
         return no_curve(track.message, track.work.cost(), track.work.unknowns)
     found = _refined(track, request) if request.events else []
+    unstable = {control: track.hodograph.rows(control) for control in track.controls}
     with finishing():
         events = [_event(track, mark, one) for mark, one in zip(track.marks, found, strict=False)]
-    unstable = {control: track.hodograph.rows(control) for control in track.controls}
-    events, twice = _once(track, found, events, unstable, request.accuracy)
-    if track.problem(0).given:
-        _doubtful(track, events)
+        events, twice = _once(track, found, events, unstable, request.accuracy)
+        if track.problem(0).given:
+            _doubtful(track, events)
+        placed = _placed(track, found)
     breaking = Breaking()
     if request.events and request.modes:
         breaking = kept(lambda: symmetry_breaking(track, request), breaking)
@@ -90,7 +91,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
             much = f"is {worst:.3g} times the accuracy asked; ask for {reached if reached <= COARSEST else other:.0e}"
         messages.append(f"An event's error estimate {much}.")
     errors = np.full((len(track.points), 2), np.inf) if over() else one_thread(lambda: _row_errors(track.points))
-    track = _placed(track, found)
+    track = placed
     load, displacement = track.column("load"), track.column("displacement")
     return RawCurve(
         load,

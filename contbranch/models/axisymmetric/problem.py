@@ -477,7 +477,7 @@ class ContactProblem(MeshedContact):
     def ending(self, name: str, point: Point) -> str:
         """Why the curve ends."""
         if name == "end":
-            return "" if self.equations.contact else ENDURES
+            return "" if self.equations.contact or point.observables["central_gap"] < self.core else ENDURES
         if name == "inadmissible":
             return (
                 "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or "
@@ -494,6 +494,12 @@ class ContactProblem(MeshedContact):
         if max(fields.rim.radius, float(felt.max(initial=0.0))) < 0.9 * tip.extent:
             return ""
         return "The contact, or the interaction around it, has reached the end of the tip."
+
+    @property
+    def core(self) -> float:
+        """That of the law."""
+        law = self.equations.interaction
+        return 0.0 if law is None else law.core
 
     def endures(self, point: Point) -> bool:
         """Whether the film's next greatest pressure is out of reach, see `lasts`."""

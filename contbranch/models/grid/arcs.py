@@ -36,11 +36,13 @@ MIDDLE = 1e-4
 
 @dataclass(frozen=True)
 class Arc:
-    """Three equilibria of one contact: where it begins, in the middle, and where it ends."""
+    """Three equilibria of one contact, where it begins, in the middle, and where it ends, and the tangents (u, F) at
+    both ends."""
 
     begin: Equilibrium
     middle: Equilibrium
     end: Equilibrium
+    tangents: tuple[tuple[Array, float], tuple[Array, float]]
 
 
 @dataclass(frozen=True)
@@ -184,8 +186,9 @@ class _Follower:
             found = self._targeted(state, u, load, target, last, max(4.0 * step, 0.3 * self.period))
             if found is not None:
                 end, node = found
-                middle = self._middle(begin, end, way)
-                return Arc(begin, middle, end), node, last.beyond(state, end)
+                arriving = last.beyond(state, end)
+                tangents = (way.u, way.load), (arriving.u, arriving.load)
+                return Arc(begin, self._middle(begin, end, way), end, tangents), node, arriving
             if step < 1e-6 * self.period:
                 return None
             cap = 0.5 * step
@@ -265,8 +268,8 @@ def onward(before: Equilibrium, state: Equilibrium) -> tuple[Equilibrium, Equili
 
 def pressed(
     problem: GridProblem, length: float, touch: Equilibrium, towards: Direction, settings: Settings
-) -> tuple[Array, float] | None:
-    """The direction of the curve behind first touch, where a node has just closed: it is pressed.
+) -> tuple[tuple[Array, float] | None, Flags]:
+    """The direction of the curve behind first touch, where a node has just closed and is pressed; and that node.
 
     Parameters
     ----------
@@ -278,7 +281,7 @@ def pressed(
     state = replace(touch, contact=follower.orbit(node))
     way = follower.way(state, towards)
     found = None if way is None else follower.onward(state, node, way)
-    return None if found is None else (found.u, found.load)
+    return None if found is None else (found.u, found.load), state.contact
 
 
 def _least(values: Array) -> tuple[int, int]:

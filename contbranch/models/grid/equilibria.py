@@ -94,8 +94,8 @@ class LatticeProblem(EquilibriumProblem):
         Residual of every point, relative.
     wall : bool
         Whether gaps must not be negative.
-    touch : Point, optional
-        First touch, of the problem without a wall.
+    film : sequence of Point, optional
+        The curve of the problem without a wall, up to first touch.
     past : Samples, optional
         Arcs just before, of which an average was made.
     """
@@ -109,14 +109,19 @@ class LatticeProblem(EquilibriumProblem):
         setup: Setup,
         tolerance: float = 1e-6,
         wall: bool = False,
-        touch: Point | None = None,
+        film: Sequence[Point] = (),
         past: Samples | None = None,
     ) -> None:
-        self.setup, self.tolerance, self.wall, self.touch, self.past = setup, tolerance, wall, touch, past
+        self.setup, self.tolerance, self.wall, self.film, self.past = setup, tolerance, wall, film, past
         self.nodes, self.scale, self.work = setup.problem, setup.length, setup.counter
         self.work.unknowns = self.size
         self._recent: deque[tuple[Array, Equilibrium]] = deque(maxlen=RECENT)
         self._known: deque[tuple[Array, Event, Array]] = deque(maxlen=RECENT)
+
+    @property
+    def touch(self) -> Point | None:
+        """First touch, if the curve has come to it."""
+        return self.film[-1] if self.film else None
 
     def kept(self, u: Array) -> Array:
         """The image of fields under a symmetry that all states of this curve have, on a lattice that has more."""
@@ -246,6 +251,11 @@ class LatticeProblem(EquilibriumProblem):
         return self.point(first, second.beyond(first))
 
     @property
+    def core(self) -> float:
+        """That of the law."""
+        return 0.0 if self.setup.law is None else self.setup.law.core
+
+    @property
     def cornered(self) -> bool:
         """In contact, where a node joins it."""
         return self.wall
@@ -264,13 +274,14 @@ class LatticeProblem(EquilibriumProblem):
         if name != "touch":
             return None
         last = points[-1]
-        start = replace(last, problem=LatticeProblem(self.setup, self.tolerance, True, last))
+        start = replace(last, problem=LatticeProblem(self.setup, self.tolerance, True, points))
         if self.setup.crowded:  # what touches is a node: there the curve has a corner
             state, along = self.at(last), last.tangent_x.reshape(self.nodes.shape)
             towards = Direction.along(Measure.at(state, self.scale), along, last.tangent_parameter)
-            direction = pressed(self.nodes, self.scale, state, towards, self.settings)
+            direction, touching = pressed(self.nodes, self.scale, state, towards, self.settings)
             if direction is not None:
-                start = replace(start, tangent_x=direction[0].ravel(), tangent_parameter=direction[1])
+                x = np.where(touching.ravel(), -self.nodes.heights.ravel(), last.x)
+                start = replace(start, x=x, tangent_x=direction[0].ravel(), tangent_parameter=direction[1])
         return Succession(name, last, (start,))
 
     def ending(self, name: str, point: Point) -> str:

@@ -28,7 +28,7 @@ from contbranch.curve.events import Ceiling, Folds
 from contbranch.curve.problem import rates_of
 from contbranch.watch import finishing, kept, over
 
-from .arcs import arcs, onward
+from .arcs import Arc, arcs, onward
 from .averaging import JOINT, averaged, half_width, turned
 from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted
@@ -56,8 +56,9 @@ NOISE, CLOSE = 1e-3, 3e-3
 SINGLE = 0.05
 # Changes of load and displacement that are rounding, relative to max(1, |value|).
 ROUNDING = 1e-9
-# Steps of a rough contact that may hide folds are made shorter, down to this; the factor, and tolerance of tangents.
-LOOK, STEEPEST, LOOSELY = 0.02, 3.0, 0.03
+# Steps of a rough contact that may hide folds are made shorter, down to this: then the corners are followed; the factor
+# by which slopes differ there, and tolerance of tangents.
+LOOK, STEEPEST, LOOSELY = 0.04, 3.0, 0.03
 # Corners at most around one fold, and those at a time where steps fail.
 MOST_CORNERS, CORNERS = 40, 6
 # Points at most, and those from which is predicted.
@@ -130,7 +131,7 @@ class Walker:
         self.places: list[Place] = []
         self.rows: list[Row] = []
         self.queue: list[Equilibrium] = []
-        self.step_size, self.checked, self.returns = FIRST, -1.0, 0
+        self.step_size, self.checked, self.returns, self.ahead = FIRST, -1.0, 0, 0.0
         self.kept = Keeping()
         self._tangents = deque[tuple[Equilibrium, tuple[Array, float]]](maxlen=4)
 
@@ -151,6 +152,8 @@ class Walker:
                 sure = self.checked - 1.5 * half_width(max(self.checked, 0.0), self.spacing)
                 known = (row for row in self.rows[1:] if row.radius <= sure)
                 self.rows = [self.rows[0], *known]
+            if over() or end.outcome is Outcome.TURNED_BACK:
+                self.rows = [row for row in self.rows if row.arc <= self.ahead]
             return self._branch(end)
 
     def _run(self) -> End:
@@ -174,10 +177,15 @@ class Walker:
             if ended:
                 self._close()
                 return met
-            self.returns = self.returns + 1 if self._returned() else 0
+            if self._returned():
+                self.returns += 1
+            else:
+                self.returns, self.ahead = 0, last.arc
             outgrown = not self.setup.crowded and last.radius > 0.49 * self.setup.edge
-            if fills(self.setup, self.places[-1].state) or outgrown or self.returns == RETURNS:
+            if fills(self.setup, self.places[-1].state) or outgrown:
                 return lost
+            if self.returns == RETURNS:
+                return End(Outcome.TURNED_BACK)
             if self.stop.predicate is not None and self.stop.predicate(last.point):
                 self.rows[-1] = self.rows[-1]._replace(event=self.end.name)
                 return met
@@ -407,7 +415,7 @@ class Walker:
         """Whether the last step has passed the end in contact."""
         near, last = (row.point for row in self.rows[-2:])
         ahead = self.end.value(last)
-        return bool(self.places[-1].state.contact.any()) and ahead >= max(0.0, self.end.value(near))
+        return self.end.counts(last) and ahead >= max(0.0, self.end.value(near))
 
     def _close(self) -> None:
         """Close the curve exactly at its end."""
@@ -420,9 +428,10 @@ class Walker:
         self.rows[-1] = self.rows[-1]._replace(point=found, event=self.end.name)
 
     def _returned(self) -> bool:
-        """Whether the last point lies on a piece of the curve between earlier rows: a step has leapt to it."""
+        """Whether the last point lies on a known piece of the curve: a step has turned round, or leapt to it."""
         here, place = self.rows[-1].point, self.rows[-1].place
-        for first, second in pairwise(self.rows[: -2 * RECENT]):
+        film = [Row(0.0, point) for point in self.problem.film]
+        for first, second in pairwise([*film, *self.rows[: -2 * RECENT]]):
             way, past = second.place - first.place, place - first.place
             share = past @ way / (way @ way or -1.0)
             if not (first.point.x.size == second.point.x.size == here.x.size and 0.0 <= share <= 1.0):
@@ -439,6 +448,8 @@ class Walker:
         """Go one step on; False if that is not possible."""
         if self.queue:
             return self._next()
+        if self.setup.crowded and self.problem.wall and len(self.rows) == 1 and self._next():
+            return True
         hopped, begun = not self.hops, self.step_size
         while self.step_size >= (LEAST_STEP if self.problem.wall else SHORTEST):
             if not hopped and self.step_size < 0.25 * self.period:
@@ -447,7 +458,10 @@ class Walker:
                 hopped = True
             angle = ANGLE if self.step_size > self.period else 0.5
             accepted = self._attempt(self.step_size, ORDER, angle, 0.15)
-            if accepted is not None and not self._hides(accepted[0]):
+            hides = accepted is not None and self._hides(accepted[0])
+            if hides and self.step_size < LOOK and self.problem.wall and self._next():
+                return True
+            if accepted is not None and not hides:
                 place, miss, failed = accepted
                 self.places.append(place)
                 goal = max(CURVATURE * self.step_size, self.noise)
@@ -461,9 +475,9 @@ class Walker:
     def _hides(self, place: Place) -> bool:
         """Whether a control may turn round within a step, by the tangents at both ends.
 
-        No cubic that goes one way has slopes that are negative, or larger than the mean one by more than a factor.
+        The tangents' slopes then differ from the mean one by more than a factor, or in sign.
         """
-        if self.hops or self.step_size < 2.0 * LOOK:
+        if self.hops or (self.step_size < LOOK and not self.problem.wall):
             return False
         begin, change = self.places[-1].state, place.state.beyond(self.places[-1].state)
         way = Direction.along(Measure.at(place.state, self.setup.length), *change)
@@ -473,7 +487,7 @@ class Walker:
                 control.value(load, self.nodes.displacement(u, load)) / way.value(u, load)
                 for u, load in (change, *ends)
             )
-            if any(not 0.0 <= slope * mean <= STEEPEST * mean**2 for slope in slopes):
+            if any(not mean**2 / STEEPEST <= slope * mean <= STEEPEST * mean**2 for slope in slopes):
                 return True
         return False
 
@@ -490,12 +504,24 @@ class Walker:
         """Go on to the next corner of a rough contact where steps fail; several at a time."""
         if not self.queue:
             way = onward(*(place.state for place in self.places[-2:]))
-            self.queue = [arc.end for arc in islice(arcs(self.nodes, self.setup.length, way, self.settings), CORNERS)]
+            for arc in islice(arcs(self.nodes, self.setup.length, way, self.settings), CORNERS):
+                self.queue += [*self._bends(arc), arc.end]
             if not self.queue:
                 return False
         begin, state = self.places[-1], self.queue.pop(0)
         self.places.append(Place(begin.arc + self._apart(begin.state, state), state))
         return True
+
+    def _bends(self, arc: Arc) -> list[Equilibrium]:
+        """The states of an arc at which a control turns round, by the tangents at its ends."""
+        way = Direction.between(arc.begin, arc.end, self.setup.length)
+        stretch = Stretch(self.nodes, [arc.begin, arc.middle, arc.end], way, self._sharp)
+        found = []
+        for control in self.folds.controls:
+            first, last = (control.value(load, self.nodes.displacement(u, load)) for u, load in arc.tangents)
+            if first * last < 0.0:
+                found.append(stretch.extremum(control, first, way.of(arc.begin), way.of(arc.end)))
+        return sorted(filter(None, found), key=way.of)
 
     def _hop(self) -> bool:
         """Pass corners of the lattice's own, which are a period apart, by a longer step along the mean direction."""

@@ -127,6 +127,12 @@ class RingProblem(RingEquations):
             return ENDURES if self.endures(point) else ""
         return "The contact has come to the edge of the tip, where its description ends." if name == "tip-edge" else ""
 
+    @property
+    def core(self) -> float:
+        """That of the law."""
+        law = self.law.interaction
+        return 0.0 if law is None else law.core
+
     def endures(self, point: Point) -> bool:
         """Whether the pressure with which the middle rests on a film is out of reach of that which breaks it."""
         fields, middle = self.fields(point.x, point.parameter), self.layout.regions[0]

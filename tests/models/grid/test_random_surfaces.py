@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import contbranch as cb
+from contbranch.models.grid.equilibria import LatticeProblem
 
 
 def test_a_fold_in_the_corner_where_the_first_node_touches() -> None:
@@ -43,3 +46,44 @@ def test_curves_of_rough_surfaces_are_complete(hurst: float, slope: float, seed:
     assert found.status == "complete"
     assert (branch.unstable_displacement >= 0).all()
     assert (np.diff(branch.contact_radius[branch.load.argmin() :]) > -0.1).all()
+
+
+def noisy(grid: int, seed: int) -> cb.Contact:
+    """White noise: the summits are single nodes."""
+    heights = 0.1 * np.random.default_rng(seed).standard_normal((grid, grid))
+    return cb.Contact(cb.HeightMap(heights, cell=10.0), cb.Exponential(work_of_adhesion=2e-4, range=0.035))
+
+
+@pytest.mark.parametrize(("grid", "seed"), [(16, 4), (16, 9), (24, 1), (32, 2)])
+def test_behind_first_touch_of_a_single_node_it_is_pressed(grid: int, seed: int) -> None:
+    """The load turns round there, the displacement does not; states solved for by themselves lie on the curve."""
+    contact = noisy(grid, seed)
+    found = cb.trace(contact, control="displacement", max_load=0.05)
+    branch = found.branches[0]
+    (touch,) = (event for event in found.events if event.kind == "touch")
+    assert found.status == "complete"
+    assert branch.load[-1] == pytest.approx(0.05)
+    assert (np.diff(branch.displacement[int(touch.position) :]) > 0.0).all()
+    for row in np.flatnonzero(branch.contact_radius > 0.0)[::3]:
+        alone = cb.solve(contact, displacement=float(branch.displacement[row]))
+        assert alone.load == pytest.approx(branch.load[row], abs=1e-6)
+
+
+def test_a_curve_that_turns_back_on_itself_ends_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if the steps behind first touch began the wrong way."""
+    succeeds = LatticeProblem.successor
+
+    def backwards(self, name, points):
+        found = succeeds(self, name, points)
+        (start,) = found.starts
+        return replace(found, starts=(replace(points[-1].turned(), problem=start.problem),))
+
+    monkeypatch.setattr(LatticeProblem, "successor", backwards)
+    found = cb.trace(noisy(16, 4), control="displacement", max_load=0.05)
+    branch = found.branches[0]
+    (touch,) = (event for event in found.events if event.kind == "touch")
+    assert found.status == "incomplete"
+    assert "turned back along the curve" in found.message
+    assert f"displacement {touch.displacement:.6g}" in found.message
+    assert touch.position == len(branch) - 1
+    assert (np.diff(branch.displacement) > 0.0).all()

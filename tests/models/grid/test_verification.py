@@ -281,12 +281,16 @@ def test_load_and_displacement_lead_to_the_same_states(parabola):
 
 
 def test_an_end_next_to_folds_is_the_last_row():
-    """A map of a few waves under repulsion, ended where the contact has just grown: each fold keeps its mark."""
+    """A map of a few waves under repulsion, ended where the contact has just grown: each fold keeps its mark.
+
+    Besides, single nodes make folds that differ by less than the lattice's error, and say so.
+    """
     nodes = np.arange(48) / 48 * 2.0 * np.pi
     waves = np.cos(nodes[:, None]) + 0.8 * np.cos(nodes + 0.4) + 0.3 * np.cos(2.0 * nodes[:, None] + nodes)
     contact = cb.Contact(cb.HeightMap(0.6 * waves, cell=EDGE, radius=1.0), cb.Gauss(-1.0, 1.0))
     found = Traced(contact, cb.Periodic(EDGE, 48), Request(1e-6, target=20.0))
-    marks = [(event.kind, event.control) for event in found.curve.events if event.kind != "touch"]
+    known = [event for event in found.curve.events if event.kind != "touch" and event.verdict != "unresolved"]
+    marks = [(event.kind, event.control) for event in known]
     kinds = [("fold", "load"), ("fold", "displacement")]
     assert marks == [*kinds, *kinds[::-1], ("end", None)]
     assert found.curve.events[-1].row == len(found.points) - 1
