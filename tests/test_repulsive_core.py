@@ -85,6 +85,8 @@ def test_the_core_of_a_sum() -> None:
     assert law.adhesion == pytest.approx(2.0 * math.exp(-place) - 1.2 * math.exp(-4.0 * place), rel=1e-12)
     half = law.scaled(normal=2.0, energy=1.0)
     assert (half.core, half.adhesion) == (pytest.approx(place / 2.0), pytest.approx(law.adhesion))
+    hump = cb.Gauss(1.0, 1.0) + cb.Gauss(-2.0, 0.3)  # has no pressure at the wall
+    assert (hump.core, hump.minimum > 0.5) == (0.0, True)
     for other in (cb.Gauss(1.0, 0.3), cb.Exponential(-1.0, 0.3), cb.MaugisDugdale(1.0, 0.3), cb.Layered(1.0, 0.5, 0.4)):
         assert (other.core, other.adhesion) == (0.0, pytest.approx(other.work_of_adhesion))
 

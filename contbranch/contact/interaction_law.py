@@ -27,6 +27,9 @@ _KINKS, _JUMP, _KINKED = (1e-3, 20.0, 4001), 1e-2, 1e-13
 # Energies that count, as a share of the largest, and the gaps at which they are looked at, relative to where a law has
 # decayed to that.
 WEAK, _SAMPLES = 1e-2, np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 400)])
+# A law yields whose pressure at the wall is less than this share of the largest one within its minimum; the ends of
+# tables of Lennard-Jones' law with 60 to 200 rows are told to 0.57 to 1. Gaps at which it is looked at.
+YIELDS, _INSIDE = 0.5, np.linspace(0.0, 1.0, 101)
 
 
 class Response(NamedTuple):
@@ -144,25 +147,38 @@ class Interaction:
         return gaps, np.where(np.isfinite(energies), energies, np.nan)
 
     @cached_property
-    def core(self) -> float:
-        """The gap > 0 at which v is lowest, within which the law repels; 0 if that is at the wall, or v nowhere < 0."""
+    def minimum(self) -> float:
+        """The gap at which v is lowest; 0 if that is at the wall, or v is nowhere negative by much."""
         gaps, energies = self.samples
         least = int(np.argmin(np.where(np.isnan(energies), np.inf, energies)))
-        if not energies[least] < 0.0 or energies[0] - energies[least] < WEAK * abs(energies[least]):
+        counts = WEAK * self.reference_work
+        if not energies[least] < -counts or energies[0] - energies[least] < counts:
             return 0.0
-
-        def pressure(gap: float) -> float:
-            return float(self.evaluate(np.array([gap])).pressure[0])
-
         inner, outer = gaps[max(least - 1, 0)], gaps[min(least + 1, gaps.size - 1)]
-        if pressure(inner) > 0.0 > pressure(outer):
-            return float(scipy.optimize.brentq(pressure, inner, outer, xtol=1e-14 * outer))
-        return float(gaps[least])
+        if not self._pressure(inner) > 0.0 > self._pressure(outer):  # the law has no value further in, or jumps
+            return 0.0
+        return float(scipy.optimize.brentq(self._pressure, inner, outer, xtol=1e-14 * outer))
+
+    def _pressure(self, gap: float) -> float:
+        return float(self.evaluate(np.array([gap])).pressure[0])
 
     @property
     def adhesion(self) -> float:
-        """The energy per area that is gained from infinite separation, the depth of v's minimum; −v(0) without one."""
-        return -float(self.evaluate(np.array([self.core])).energy[0])
+        """The energy per area that is gained from infinite separation: the depth of v's minimum, −v(0) without one."""
+        return -float(self.evaluate(np.array([self.minimum])).energy[0])
+
+    @cached_property
+    def core(self) -> float:
+        """The gap of the minimum of a law that repels from there to the wall, and no less at the wall; otherwise 0.
+
+        A film within it counts as contact. One under a law that yields before the wall may still be squeezed out.
+        """
+        inside = self.minimum * _INSIDE
+        try:
+            pressures = self.evaluate(inside).pressure
+        except Exception:  # so close to the wall it has no value
+            return self.minimum
+        return 0.0 if pressures[0] < YIELDS * np.nanmax(pressures) else self.minimum
 
     @property
     def kinks(self) -> tuple[float, ...]:
@@ -232,7 +248,7 @@ class Interaction:
         law = copy(self)  # whatever else a law of the user's own consists of
         object.__setattr__(law, "work_of_adhesion", self.work_of_adhesion / energy)
         object.__setattr__(law, "range", self.range / normal)
-        for name in ("samples", "core"):
+        for name in ("samples", "minimum", "core"):
             law.__dict__.pop(name, None)
         return law
 

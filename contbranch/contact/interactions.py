@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -191,7 +192,7 @@ class Tabulated(Evaluated):
         (n,) p = -v'.
     work_of_adhesion, range
         Not given but taken from the table: -v(0), and max|v|/max|p|. Where v is lowest at a gap above zero, as with the
-        repulsive core of a Lennard-Jones law, the depth of that minimum, and the quotient outside of it.
+        repulsive core of a Lennard-Jones law: the depth of that minimum, and the quotient outside of it.
 
     Notes
     -----
@@ -217,7 +218,7 @@ class Tabulated(Evaluated):
         object.__setattr__(self, "_table", energy_of_table(gaps, values, self._kind))
         places = np.concatenate([np.nextafter(gaps, 0.0), 0.5 * (gaps[1:] + gaps[:-1])])
         object.__setattr__(self, "_largest", float(np.max(np.abs(self._table.energy(places)))))
-        outside = np.append(self.core, places[places > self.core])
+        outside = np.append(self.minimum, places[places > self.minimum])
         largest, steepest = (float(np.max(np.abs(self._table.energy(outside, order)))) for order in (0, 1))
         if self.adhesion == 0.0 or steepest == 0.0:
             raise InputError(
@@ -236,9 +237,15 @@ class Tabulated(Evaluated):
         gap = np.minimum(gap, 2.0 * float(self._table.energy.x[-2]))
         return Response(self._table.energy(gap), -self._table.energy(gap, 1), self._table.energy(gap, 2))
 
+    @cached_property
+    def minimum(self) -> float:
+        """The gap at which v is lowest; 0 also where no row attracts, whatever the curve between them does."""
+        rows = self.pressures if self.energies is None else self.energies
+        return super().minimum if rows is not None and min(rows) < 0.0 else 0.0
+
     @property
     def reference_work(self) -> float:
-        """The largest |v| of the table, outside of a repulsive core."""
+        """The largest |v| of the table, from the gap on at which v is lowest."""
         return self._largest
 
     @property

@@ -52,6 +52,7 @@ def signs_of(interaction: Interaction | None) -> tuple[bool, bool]:
         if isinstance(term, Tabulated) or type(term) is not INTERACTIONS.get(term.name):
             found = np.nan_to_num(term.samples[1])
             energies[-1:] = found[np.abs(found) > WEAK * np.abs(found).max()].tolist()
+            energies += [-term.adhesion] if term.minimum else []  # however high its core is
     return min(energies) < 0.0, max(energies) > 0.0
 
 
@@ -97,8 +98,8 @@ def threshold_events(events: Sequence[Event], repulsive: bool) -> dict[str, tupl
     """Named loads, displacements and radii: the event and its quantity by the threshold's name, where it exists.
 
     Of several folds with one name the outermost counts: the lowest for pull-off, jump-in and wetting, the highest for
-    squeeze-out. A repulsion without folds squeezes out continuously, at first touch. Folds of a spring have both a load and
-    a displacement.
+    squeeze-out. A repulsion without folds squeezes out continuously, at first touch. Folds of a spring have both a load
+    and a displacement.
     """
     found: dict[str, tuple[Event, str]] = {}
     outer = {"load": ("pull-off", "squeeze-out", "wetting"), "displacement": ATTRACTIVE, "spring": MAXIMA + MINIMA}

@@ -52,8 +52,7 @@ def test_the_outermost_fold_is_the_threshold():
         "squeeze_out_radius": 0.5,
         "wetting_load": 3.0,
         "wetting_radius": 0.2,
-        "jump_in_displacement": -1.5,
-        "jump_in_displacement_radius": 0.1,
+        "jump_in_displacement": -2.0,
     }
 
 

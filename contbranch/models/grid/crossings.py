@@ -109,15 +109,15 @@ class Crossings:
         terms = x ** np.arange(5.0)[:, None, None, None]
         terms[4] = y
         terms /= _NOISE * from_rim**_FALL + _FLOOR
-        used = steps < count[..., None]
-        good = ~(used @ ~own) & (self.weight > 0.0)
+        used, last = steps < count[..., None], count - 1
+        good = ~(used @ ~own) & (self.weight > 0.0) & (y[[[0], [1]], last] > 0.0)
         share = good @ self.weight / max(float(self.weight.sum()), 1e-300)
         zeros = np.zeros(good.shape)
         chosen = side, fit, line = np.nonzero(good)
         products = np.moveaxis(terms[:4, None] * terms, (0, 1), (3, 4)).reshape(2, REACH, -1)
         normal = (used.astype(float) @ products).reshape(*good.shape, 4, 5)[chosen]
-        last = count[side, fit] - 1
-        scale = np.maximum(y[side, last, line], 1e-300) / x[side, last, line]
+        place = side, last[side, fit], line
+        scale = y[place] / x[place]
         # What is of too high a degree has the coefficient zero.
         high = degree[side, fit, None] < np.arange(4)
         right = np.where(high, 0.0, normal[..., 4] / scale[:, None])

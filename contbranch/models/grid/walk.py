@@ -461,7 +461,7 @@ class Walker:
             hides = accepted is not None and self._hides(accepted[0])
             if hides and self.step_size < LOOK and self.problem.wall and self._next():
                 return True
-            if accepted is not None and not hides:
+            if accepted is not None and (not hides or self.step_size < LOOK):
                 place, miss, failed = accepted
                 self.places.append(place)
                 goal = max(CURVATURE * self.step_size, self.noise)
@@ -505,12 +505,28 @@ class Walker:
         if not self.queue:
             way = onward(*(place.state for place in self.places[-2:]))
             for arc in islice(arcs(self.nodes, self.setup.length, way, self.settings), CORNERS):
+                if self._arc_turned(arc):
+                    self.queue = self._ahead(self.queue)
+                    break
                 self.queue += [*self._bends(arc), arc.end]
             if not self.queue:
                 return False
         begin, state = self.places[-1], self.queue.pop(0)
         self.places.append(Place(begin.arc + self._apart(begin.state, state), state))
         return True
+
+    def _arc_turned(self, arc: Arc) -> bool:
+        """Whether an arc ends closer to an earlier state than to where it begins: where nodes change in one place,
+        rounding may turn the direction round."""
+        measure, known = Measure.at(arc.end, self.setup.length), [place.state for place in self.places] + self.queue
+        length = measure.apart(arc.begin, arc.end)
+        return any(measure.apart(state, arc.end) < 0.9 * length for state in known if state is not arc.begin)
+
+    def _ahead(self, states: list[Equilibrium]) -> list[Equilibrium]:
+        """The states up to the one that is farthest from the last place."""
+        last = self.places[-1].state
+        apart = [self._apart(last, state) for state in states]
+        return states[: int(np.argmax(apart)) + 1] if max(apart, default=0.0) > LEAST_STEP else []
 
     def _bends(self, arc: Arc) -> list[Equilibrium]:
         """The states of an arc at which a control turns round, by the tangents at its ends."""
