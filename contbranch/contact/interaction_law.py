@@ -26,10 +26,10 @@ _FAR = 1e50
 _KINKS, _JUMP, _KINKED = (1e-3, 20.0, 4001), 1e-2, 1e-13
 # Energies that count, as a share of the largest, and the gaps at which they are looked at, relative to where a law has
 # decayed to that.
-WEAK, _SAMPLES = 1e-2, np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 400)])
+WEAK, _ENERGY_GAPS = 1e-2, np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 400)])
 # A law yields whose pressure at the wall is less than this share of the largest one within its minimum; the ends of
 # tables of Lennard-Jones' law with 60 to 200 rows are told to 0.57 to 1. Gaps at which it is looked at.
-YIELDS, _INSIDE = 0.5, np.linspace(0.0, 1.0, 101)
+YIELDS, _CORE_GAPS = 0.5, np.linspace(0.0, 1.0, 101)
 
 
 class Response(NamedTuple):
@@ -136,7 +136,7 @@ class Interaction:
     @cached_property
     def samples(self) -> tuple[Array, Array]:
         """Gaps out to where the law has decayed, and the energies per area there; NaN where they have no value."""
-        gaps = self.reach(WEAK) * _SAMPLES
+        gaps = self.reach(WEAK) * _ENERGY_GAPS
         try:
             energies = np.array(self.evaluate(gaps).energy, dtype=float)
         except Exception:  # a law may fail where the contact never comes
@@ -173,7 +173,7 @@ class Interaction:
 
         A film within it counts as contact. One under a law that yields before the wall may still be squeezed out.
         """
-        inside = self.minimum * _INSIDE
+        inside = self.minimum * _CORE_GAPS
         try:
             pressures = self.evaluate(inside).pressure
         except Exception:  # so close to the wall it has no value

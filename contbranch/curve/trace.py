@@ -301,6 +301,16 @@ class _Tracing:
         self.gaps = {key for key in self.gaps if key < row - 1}
         del self.points[row:]
 
+    def _turn_back(self, row: int) -> None:
+        """Forget what lies behind a row at which the curve has turned back on itself, and that row, whose tangent is the
+        one of the way back; of one where a problem takes over the start alone."""
+        self._forget(row + 1 if row in self.onward else max(row, 1))
+        self.onward.pop(row, None)
+        self.marks = [mark for mark in self.marks if mark.row < row or mark.kind != "fold"]
+        last = self.points[-1]
+        self.complete, self.lost = False, True
+        self.message = f"{Outcome.TURNED_BACK.value} {equilibrium(last).ending('', last)}"
+
     def track(self, problem: EquilibriumProblem) -> Track:
         """The curve with its hodograph, and with the folds that lie in corners."""
         turning = Turning(self.request.controls)
@@ -331,6 +341,10 @@ class _Tracing:
         # At one row the event that makes the corner comes first.
         marks = sorted([*marks, *extra], key=lambda mark: mark.row)
         hodograph = Hodograph(np.array(turning.angles), index)
+        impossible = np.flatnonzero(hodograph.pieces(DISPLACEMENT)[0] < 0)
+        if len(impossible) and problem.given:  # a fold where the curve only seems to go on
+            self._turn_back(int(impossible[0]))
+            return self.track(problem)
         return Track(
             tuple(self.points),
             self.onward,

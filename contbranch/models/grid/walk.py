@@ -65,7 +65,8 @@ MOST_CORNERS, CORNERS = 40, 6
 MOST_POINTS, HISTORY = 2000, 12
 # A contact without a node has a gap of no more than this multiple of the least height of a node.
 OPENS = 4.0
-# So many points in a row that lie on known parts of the curve end it; the last rows are no known part.
+# So many points in a row that lie on known parts of the curve end it; the last rows before first touch, and twice as
+# many behind it, are no known part.
 RETURNS, RECENT = 4, 6
 
 
@@ -131,7 +132,8 @@ class Walker:
         self.places: list[Place] = []
         self.rows: list[Row] = []
         self.queue: list[Equilibrium] = []
-        self.step_size, self.checked, self.returns, self.ahead = FIRST, -1.0, 0, 0.0
+        self.film = [Row(0.0, point) for point in problem.film]
+        self.step_size, self.checked, self.returns = FIRST, -1.0, 0
         self.kept = Keeping()
         self._tangents = deque[tuple[Equilibrium, tuple[Array, float]]](maxlen=4)
 
@@ -152,8 +154,9 @@ class Walker:
                 sure = self.checked - 1.5 * half_width(max(self.checked, 0.0), self.spacing)
                 known = (row for row in self.rows[1:] if row.radius <= sure)
                 self.rows = [self.rows[0], *known]
-            if over() or end.outcome is Outcome.TURNED_BACK:
-                self.rows = [row for row in self.rows if row.arc <= self.ahead]
+            if end.outcome is Outcome.TURNED_BACK or (over() and self.returns):
+                while len(self.rows) > 1 and self._lies_on([*self.film, *self.rows[:-1]], self.rows[-1]):
+                    self.rows.pop()
             return self._branch(end)
 
     def _run(self) -> End:
@@ -177,10 +180,8 @@ class Walker:
             if ended:
                 self._close()
                 return met
-            if self._returned():
-                self.returns += 1
-            else:
-                self.returns, self.ahead = 0, last.arc
+            returned = self._lies_on([*self.film[:-RECENT], *self.rows[: -2 * RECENT]], last)
+            self.returns = self.returns + 1 if returned else 0
             outgrown = not self.setup.crowded and last.radius > 0.49 * self.setup.edge
             if fills(self.setup, self.places[-1].state) or outgrown:
                 return lost
@@ -427,11 +428,10 @@ class Walker:
                 found = self.problem.meeting(near, last, control, value)
         self.rows[-1] = self.rows[-1]._replace(point=found, event=self.end.name)
 
-    def _returned(self) -> bool:
-        """Whether the last point lies on a known piece of the curve: a step has turned round, or leapt to it."""
-        here, place = self.rows[-1].point, self.rows[-1].place
-        film = [Row(0.0, point) for point in self.problem.film]
-        for first, second in pairwise([*film, *self.rows[: -2 * RECENT]]):
+    def _lies_on(self, rows: list[Row], row: Row) -> bool:
+        """Whether a row lies on the curve through others: a step has turned round, or leapt there."""
+        here, place = row.point, row.place
+        for first, second in pairwise(rows):
             way, past = second.place - first.place, place - first.place
             share = past @ way / (way @ way or -1.0)
             if not (first.point.x.size == second.point.x.size == here.x.size and 0.0 <= share <= 1.0):
@@ -516,11 +516,11 @@ class Walker:
         return True
 
     def _arc_turned(self, arc: Arc) -> bool:
-        """Whether an arc ends closer to an earlier state than to where it begins: where nodes change in one place,
-        rounding may turn the direction round."""
+        """Whether an arc ends where the curve has been: where several nodes change in one place, rounding may turn the
+        direction round."""
         measure, known = Measure.at(arc.end, self.setup.length), [place.state for place in self.places] + self.queue
         length = measure.apart(arc.begin, arc.end)
-        return any(measure.apart(state, arc.end) < 0.9 * length for state in known if state is not arc.begin)
+        return any(measure.apart(state, arc.end) < 0.1 * length for state in known if state is not arc.begin)
 
     def _ahead(self, states: list[Equilibrium]) -> list[Equilibrium]:
         """The states up to the one that is farthest from the last place."""
