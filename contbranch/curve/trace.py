@@ -302,8 +302,10 @@ class _Tracing:
         del self.points[row:]
 
     def _turn_back(self, row: int) -> None:
-        """Forget what lies behind a row at which the curve has turned back on itself, and that row, whose tangent is the
-        one of the way back; of one where a problem takes over the start alone."""
+        """Forget what lies behind a row at which the curve has turned back on itself.
+
+        The row, too, since its tangent is that of the way back; of one where a problem takes over, the start alone.
+        """
         self._forget(row + 1 if row in self.onward else max(row, 1))
         self.onward.pop(row, None)
         self.marks = [mark for mark in self.marks if mark.row < row or mark.kind != "fold"]
