@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from bisect import insort
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
@@ -28,7 +28,7 @@ from contbranch.curve.events import Ceiling, Folds
 from contbranch.curve.problem import rates_of
 from contbranch.watch import finishing, kept, over
 
-from .arcs import Arc, arcs, onward
+from .arcs import SHORT, Arc, arcs, onward
 from .averaging import JOINT, averaged, half_width, turned
 from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted
@@ -132,6 +132,9 @@ class Walker:
         self.places: list[Place] = []
         self.rows: list[Row] = []
         self.queue: list[Equilibrium] = []
+        # Which node changes at a corner tells the direction behind it: from there on the same arcs go on.
+        self.arcs: Iterator[Arc] = iter(())
+        self.corner: Equilibrium | None = None
         self.film = [Row(0.0, point) for point in problem.film]
         self.step_size, self.checked, self.returns = FIRST, -1.0, 0
         self.kept = Keeping()
@@ -503,12 +506,17 @@ class Walker:
     def _next(self) -> bool:
         """Go on to the next corner of a rough contact where steps fail; several at a time."""
         if not self.queue:
-            way = onward(*(place.state for place in self.places[-2:]))
-            for arc in islice(arcs(self.nodes, self.setup.length, way, self.settings), CORNERS):
+            if self.corner is not self.places[-1].state:
+                way = onward(*(place.state for place in self.places[-2:]))
+                self.arcs = arcs(self.nodes, self.setup.length, way, self.settings)
+            for arc in islice(self.arcs, CORNERS):
                 if self._arc_turned(arc):
-                    self.queue = self._ahead(self.queue)
+                    self.queue, self.corner = self._ahead(self.queue), None
                     break
-                self.queue += [*self._bends(arc), arc.end]
+                self.corner = arc.end
+                for state in (*self._bends(arc), arc.end):
+                    if self._apart([self.places[-1].state, *self.queue][-1], state) > SHORT:
+                        self.queue.append(state)
             if not self.queue:
                 return False
         begin, state = self.places[-1], self.queue.pop(0)

@@ -69,6 +69,14 @@ def test_behind_first_touch_of_a_single_node_it_is_pressed(grid: int, seed: int)
         assert alone.load == pytest.approx(branch.load[row], abs=1e-6)
 
 
+def test_corners_are_followed_on_from_the_node_that_changes() -> None:
+    """Behind a corner the curve leaves at an acute angle to where it came from, which steps do not find."""
+    heights = 0.031 * np.random.default_rng(983).standard_normal((32, 32))
+    found = cb.trace(cb.Contact(cb.HeightMap(heights, cell=10.0), cb.VanDerWaals(-0.0089, 0.926)), modes=0)
+    assert found.status == "complete"
+    assert (found.branches[0].unstable_displacement >= 0).all()
+
+
 def test_a_curve_that_turns_back_on_itself_ends_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if the steps behind first touch began the wrong way."""
     succeeds = LatticeProblem.successor
