@@ -32,6 +32,10 @@ __all__ = ["LatticeCurves", "traced"]
 COARSE = 1.6
 # The largest array of nodes on which the curve is followed instead.
 LARGEST = 1024
+SKIPPED = (
+    "Pairs of folds closer together than a step may have been passed over: followed from corner to corner of the "
+    "contact, the curve turned back."
+)
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,8 @@ def traced(setup: Setup, request: Request) -> Track:
         notes.append(_reaching(setup, track, request.target))
         warn(notes[-1])
     notes += [ramp_message(setup.law), no_comparison(setup)]
+    if track.points and getattr(track.problem(len(track.points) - 1), "skipped", False):
+        notes.append(SKIPPED)
     return replace(track, message=" ".join(filter(None, [track.message, *notes])))
 
 

@@ -40,6 +40,7 @@ from contbranch.curve.refine import moved
 from contbranch.errors import ModelError
 from contbranch.results.diagram import ModeShape, State
 from contbranch.results.profile import Profile
+from contbranch.watch import over
 
 from .arcs import pressed
 from .landing import land
@@ -102,6 +103,7 @@ class LatticeProblem(EquilibriumProblem):
 
     given: ClassVar[bool] = True
     rounding = 1e-7
+    skipped = False  # folds that lie closer together than a step
     average: AveragedProblem | None = None
 
     def __init__(
@@ -261,9 +263,20 @@ class LatticeProblem(EquilibriumProblem):
         return self.wall
 
     def walked(self, start: Point, folds: Folds, end: Ceiling, stop: StopAt) -> Branch:
-        """By steps that pass the corners of the lattice, see `walk`."""
+        """By steps that pass the corners of the lattice, see `walk`.
+
+        Where several nodes change at once the way from corner to corner may turn back: then without looking for folds
+        that steps hide.
+        """
         with quietly():
-            return Walker(self, folds, end, stop).branch(start)
+            found = Walker(self, folds, end, stop).branch(start)
+            if found.end.outcome is not Outcome.TURNED_BACK or over():
+                return found
+            other = Walker(self, folds, end, stop, looks=False).branch(start)
+            if other.end.outcome is Outcome.TURNED_BACK:
+                return found
+            self.skipped = True
+            return other
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Without a wall, the gap that closes at first touch."""

@@ -106,12 +106,15 @@ class Walker:
         Whose controls are watched.
     end : Ceiling
     stop : StopAt
+    looks : bool
+        Whether steps that may hide folds of a rough contact are left for its corners.
     """
 
     problem: LatticeProblem
     folds: Folds
     end: Ceiling
     stop: StopAt
+    looks: bool = True
 
     def __post_init__(self) -> None:
         problem = self.problem
@@ -480,7 +483,7 @@ class Walker:
 
         The tangents' slopes then differ from the mean one by more than a factor, or in sign.
         """
-        if self.hops or (self.step_size < LOOK and not self.problem.wall):
+        if self.hops or (self.step_size < LOOK and not (self.problem.wall and self.looks)):
             return False
         begin, change = self.places[-1].state, place.state.beyond(self.places[-1].state)
         way = Direction.along(Measure.at(place.state, self.setup.length), *change)
