@@ -343,9 +343,9 @@ class _Tracing:
         # At one row the event that makes the corner comes first.
         marks = sorted([*marks, *extra], key=lambda mark: mark.row)
         hodograph = Hodograph(np.array(turning.angles), index)
-        impossible = np.flatnonzero(hodograph.pieces(DISPLACEMENT)[0] < 0)
-        if len(impossible) and problem.given:  # a fold where the curve only seems to go on
-            self._turn_back(int(impossible[0]))
+        pieces = hodograph.pieces(DISPLACEMENT)[0]
+        if len(pieces) and pieces[-1] < 0 and problem.given:  # a fold where the curve only seems to go on
+            self._turn_back(int(np.argmax(pieces < 0)))
             return self.track(problem)
         return Track(
             tuple(self.points),

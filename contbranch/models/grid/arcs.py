@@ -20,7 +20,7 @@ from .measure import Direction, Measure
 from .newton import Equilibrium, Hold, Settings, newton, tangent
 from .problem import Fields, GridProblem
 
-__all__ = ["SHORT", "Arc", "arcs", "onward", "pressed"]
+__all__ = ["Arc", "arcs", "onward", "pressed"]
 
 # Violations of the inequalities that are rounding, relative to the largest gap in play and to the pressure.
 LOOSE = 1e-6

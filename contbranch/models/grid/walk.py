@@ -28,7 +28,7 @@ from contbranch.curve.events import Ceiling, Folds
 from contbranch.curve.problem import rates_of
 from contbranch.watch import finishing, kept, over
 
-from .arcs import SHORT, Arc, arcs, onward
+from .arcs import Arc, arcs, onward
 from .averaging import JOINT, averaged, half_width, turned
 from .keeping import Keeping
 from .measure import Direction, Measure, Stretch, lagrange, predicted
@@ -511,14 +511,15 @@ class Walker:
         if not self.queue:
             if self.corner is not self.places[-1].state:
                 way = onward(*(place.state for place in self.places[-2:]))
-                self.arcs = arcs(self.nodes, self.setup.length, way, self.settings)
+                self.arcs = arcs(self.nodes, self.setup.length, way, self._sharp)
             for arc in islice(self.arcs, CORNERS):
                 if self._arc_turned(arc):
                     self.queue, self.corner = self._ahead(self.queue), None
                     break
                 self.corner = arc.end
                 for state in (*self._bends(arc), arc.end):
-                    if self._apart([self.places[-1].state, *self.queue][-1], state) > SHORT:
+                    # Between states as close as their errors a control would seem to turn round.
+                    if self._apart([self.places[-1].state, *self.queue][-1], state) > LEAST_STEP:
                         self.queue.append(state)
             if not self.queue:
                 return False
