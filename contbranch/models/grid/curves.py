@@ -32,10 +32,7 @@ __all__ = ["LatticeCurves", "traced"]
 COARSE = 1.6
 # The largest array of nodes on which the curve is followed instead.
 LARGEST = 1024
-SKIPPED = (
-    "Pairs of folds closer together than a step may have been passed over: followed from corner to corner of the "
-    "contact, the curve turned back."
-)
+SKIPPED = "Pairs of folds closer together than a step may have been passed over."
 
 
 @dataclass(frozen=True)
