@@ -173,11 +173,9 @@ class Interaction:
 
         A film within it counts as contact. One under a law that yields before the wall may still be squeezed out.
         """
-        inside = self.minimum * _CORE_GAPS
-        try:
-            pressures = self.evaluate(inside).pressure
-        except Exception:  # so close to the wall it has no value
-            return self.minimum
+        if not self.minimum:
+            return 0.0
+        pressures = self.evaluate(self.minimum * _CORE_GAPS).pressure
         return 0.0 if pressures[0] < YIELDS * np.nanmax(pressures) else self.minimum
 
     @property

@@ -309,9 +309,8 @@ class _Tracing:
         self._forget(row + 1 if row in self.onward else max(row, 1))
         self.onward.pop(row, None)
         self.marks = [mark for mark in self.marks if mark.row < row or mark.kind != "fold"]
-        last = self.points[-1]
         self.complete, self.lost = False, True
-        self.message = f"{Outcome.TURNED_BACK.value} {equilibrium(last).ending('', last)}"
+        self.message = f"{Outcome.TURNED_BACK.value} {equilibrium(self.points[-1]).ending('', self.points[-1])}"
 
     def track(self, problem: EquilibriumProblem) -> Track:
         """The curve with its hodograph, and with the folds that lie in corners."""

@@ -87,7 +87,7 @@ def reserved(path: str | Path, field: str = "path") -> Iterator[Place]:
     device = target.exists() and not target.is_file()
     unfinished = None if device else target.with_name(target.name + ".part")
     try:
-        file = _opened(unfinished) if unfinished is not None else _binary(target, "wb")
+        file = open(target, "wb", buffering=0) if unfinished is None else _opened(unfinished)  # noqa: SIM115
     except BlockingIOError:
         raise InputError(f"{field}: '{path}' is being written by another process; choose another file") from None
     except OSError as error:
@@ -116,14 +116,10 @@ def _refused(path: Path, field: str, error: OSError) -> InputError:
     return InputError(f"{field}: '{path}' cannot be written ({reason}); give a writable file")
 
 
-def _binary(path: Path, mode: str) -> IO[bytes]:
-    return open(path, mode, buffering=0)
-
-
 def _opened(path: Path) -> IO[bytes]:
     """Open an unfinished file and lock it; the lock dies with its process, and what that has left is written over."""
     while True:
-        file = _binary(path, "ab")
+        file = open(path, "ab", buffering=0)  # noqa: SIM115  # closed by whoever has it
         try:
             lock(file)
             if _same(file, path):  # otherwise its last writer has finished or removed it in between

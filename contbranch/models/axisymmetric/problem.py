@@ -498,8 +498,7 @@ class ContactProblem(MeshedContact):
     @property
     def core(self) -> float:
         """That of the law."""
-        law = self.equations.interaction
-        return 0.0 if law is None else law.core
+        return getattr(self.equations.interaction, "core", 0.0)
 
     def endures(self, point: Point) -> bool:
         """Whether the film's next greatest pressure is out of reach, see `lasts`."""

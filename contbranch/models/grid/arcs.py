@@ -186,9 +186,9 @@ class _Follower:
             found = self._targeted(state, u, load, target, last, max(4.0 * step, 0.3 * self.period))
             if found is not None:
                 end, node = found
-                arriving = last.beyond(state, end)
-                tangents = (way.u, way.load), (arriving.u, arriving.load)
-                return Arc(begin, self._middle(begin, end, way), end, tangents), node, arriving
+                ahead = last.beyond(state, end)
+                tangents = (way.u, way.load), (ahead.u, ahead.load)
+                return Arc(begin, self._middle(begin, end, way), end, tangents), node, ahead
             if step < 1e-6 * self.period:
                 return None
             cap = 0.5 * step

@@ -475,8 +475,8 @@ def averaged(
             return None
         way = lattice.at(points[row]), lattice.at(points[row + 1])
         samples = Samples()
-        if row == 0 and lattice.touch is not None:
-            samples.begin(Reading(*lattice.values(lattice.touch.x, lattice.touch.parameter)), spacing)
+        if row == 0 and lattice.film:
+            samples.begin(Reading(*lattice.values(lattice.film[-1].x, lattice.film[-1].parameter)), spacing)
     wanted, known = centre + (STUCK * spacing if stuck else 0.0), len(samples.ends)
     reach, fit = wanted, None
     for arc in arcs(setup.problem, setup.length, way, lattice.settings):

@@ -123,11 +123,6 @@ class LatticeProblem(EquilibriumProblem):
         self._recent: deque[tuple[Array, Equilibrium]] = deque(maxlen=RECENT)
         self._known: deque[tuple[Array, Event, Array]] = deque(maxlen=RECENT)
 
-    @property
-    def touch(self) -> Point | None:
-        """First touch, if the curve has come to it."""
-        return self.film[-1] if self.film else None
-
     def kept(self, u: Array) -> Array:
         """The image of fields under a symmetry that all states of this curve have, on a lattice that has more."""
         return u
@@ -541,7 +536,7 @@ class LatticeProblem(EquilibriumProblem):
     @cached_property
     def touch_error(self) -> Array:
         """Of load and displacement at first touch."""
-        stated = equilibrium(self.touch).stated(self.touch, Margin("touch")) if self.touch else None
+        stated = equilibrium(self.film[-1]).stated(self.film[-1], Margin("touch")) if self.film else None
         return np.zeros(2) if stated is None else np.array(stated[:2])
 
     def _moved(self, point: Point, event: Event) -> Array:

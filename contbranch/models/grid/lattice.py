@@ -50,9 +50,7 @@ def _square_compliance(grid: int) -> Array:
     disc = 2.0 / q * scipy.special.itj0y0((CUT * q).ravel())[0].reshape(q.shape)
     disc[0, 0] = 2.0 * CUT
     kernel = scipy.fft.dctn(disc, type=1)[: grid + 1, : grid + 1] / (4.0 * grid) ** 2
-    found = scipy.fft.dctn(kernel, type=1)
-    found.flags.writeable = False
-    return np.asarray(found)
+    return np.asarray(scipy.fft.dctn(kernel, type=1))
 
 
 @dataclass(frozen=True)

@@ -382,7 +382,7 @@ class Walker:
     @property
     def _averages(self) -> bool:
         """Whether folds are sought by averages: behind first touch, and behind another average."""
-        return self.averaging and not (self.problem.touch is None and self.problem.past is None)
+        return self.averaging and bool(self.problem.film or self.problem.past is not None)
 
     @property
     def _chained(self) -> bool:
@@ -536,8 +536,7 @@ class Walker:
 
     def _ahead(self, states: list[Equilibrium]) -> list[Equilibrium]:
         """The states up to the one that is farthest from the last place."""
-        last = self.places[-1].state
-        apart = [self._apart(last, state) for state in states]
+        apart = [self._apart(self.places[-1].state, state) for state in states]
         return states[: int(np.argmax(apart)) + 1] if max(apart, default=0.0) > LEAST_STEP else []
 
     def _bends(self, arc: Arc) -> list[Equilibrium]:

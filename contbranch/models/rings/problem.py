@@ -130,8 +130,7 @@ class RingProblem(RingEquations):
     @property
     def core(self) -> float:
         """That of the law."""
-        law = self.law.interaction
-        return 0.0 if law is None else law.core
+        return getattr(self.law.interaction, "core", 0.0)
 
     def endures(self, point: Point) -> bool:
         """Whether the pressure with which the middle rests on a film is out of reach of that which breaks it."""
