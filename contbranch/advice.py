@@ -169,7 +169,7 @@ def _errors(found: Thresholds, wanted: Judged) -> dict[str, float | None]:
 
 def _work(contact: Contact) -> float:
     """The net work of adhesion."""
-    return 0.0 if contact.interaction is None else contact.interaction.adhesion
+    return 0.0 if contact.interaction is None else contact.interaction.net_adhesion
 
 
 def _hertz(contact: Contact, _: Control) -> Thresholds | None:

@@ -27,8 +27,9 @@ _KINKS, _JUMP, _KINKED = (1e-3, 20.0, 4001), 1e-2, 1e-13
 # Energies that count, as a share of the largest, and the gaps at which they are looked at, relative to where a law has
 # decayed to that.
 WEAK, _ENERGY_GAPS = 1e-2, np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 400)])
-# A law yields whose pressure at the wall is less than this share of the largest one within its minimum; the ends of
-# tables of Lennard-Jones' law with 60 to 200 rows are told to 0.57 to 1. Gaps at which it is looked at.
+# A law yields at the wall if its pressure there is less than this share of the largest one inside its minimum (splines
+# through 60 to 200 rows of Lennard-Jones' law: 0.57 to 1); gaps at which pressures are looked at, relative to the
+# minimum's.
 YIELDS, _CORE_GAPS = 0.5, np.linspace(0.0, 1.0, 101)
 
 
@@ -134,7 +135,7 @@ class Interaction:
         return math.inf
 
     @cached_property
-    def samples(self) -> tuple[Array, Array]:
+    def sampled_energies(self) -> tuple[Array, Array]:
         """Gaps out to where the law has decayed, and the energies per area there; NaN where they have no value."""
         gaps = self.reach(WEAK) * _ENERGY_GAPS
         try:
@@ -147,9 +148,9 @@ class Interaction:
         return gaps, np.where(np.isfinite(energies), energies, np.nan)
 
     @cached_property
-    def minimum(self) -> float:
+    def lowest_gap(self) -> float:
         """The gap at which v is lowest; 0 if that is at the wall, or v is nowhere negative by much."""
-        gaps, energies = self.samples
+        gaps, energies = self.sampled_energies
         least = int(np.argmin(np.where(np.isnan(energies), np.inf, energies)))
         counts = WEAK * self.reference_work
         if not energies[least] < -counts or energies[0] - energies[least] < counts:
@@ -163,20 +164,20 @@ class Interaction:
         return float(self.evaluate(np.array([gap])).pressure[0])
 
     @property
-    def adhesion(self) -> float:
+    def net_adhesion(self) -> float:
         """The energy per area that is gained from infinite separation: the depth of v's minimum, −v(0) without one."""
-        return -float(self.evaluate(np.array([self.minimum])).energy[0])
+        return -float(self.evaluate(np.array([self.lowest_gap])).energy[0])
 
     @cached_property
-    def core(self) -> float:
+    def contact_gap(self) -> float:
         """The gap of the minimum of a law that repels from there to the wall, and no less at the wall; otherwise 0.
 
         A film within it counts as contact. One under a law that yields before the wall may still be squeezed out.
         """
-        if not self.minimum:
+        if not self.lowest_gap:
             return 0.0
-        pressures = self.evaluate(self.minimum * _CORE_GAPS).pressure
-        return 0.0 if pressures[0] < YIELDS * np.nanmax(pressures) else self.minimum
+        pressures = self.evaluate(self.lowest_gap * _CORE_GAPS).pressure
+        return 0.0 if pressures[0] < YIELDS * np.nanmax(pressures) else self.lowest_gap
 
     @property
     def kinks(self) -> tuple[float, ...]:
@@ -246,7 +247,7 @@ class Interaction:
         law = copy(self)  # whatever else a law of the user's own consists of
         object.__setattr__(law, "work_of_adhesion", self.work_of_adhesion / energy)
         object.__setattr__(law, "range", self.range / normal)
-        for name in ("samples", "minimum", "core"):
+        for name in ("sampled_energies", "lowest_gap", "contact_gap"):
             law.__dict__.pop(name, None)
         return law
 

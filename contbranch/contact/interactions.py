@@ -218,13 +218,17 @@ class Tabulated(Evaluated):
         object.__setattr__(self, "_table", energy_of_table(gaps, values, self._kind))
         places = np.concatenate([np.nextafter(gaps, 0.0), 0.5 * (gaps[1:] + gaps[:-1])])
         object.__setattr__(self, "_largest", float(np.max(np.abs(self._table.energy(places)))))
-        outside = np.append(self.minimum, places[places > self.minimum])
+        outside = np.append(self.lowest_gap, places[places > self.lowest_gap])
         largest, steepest = (float(np.max(np.abs(self._table.energy(outside, order)))) for order in (0, 1))
-        if self.adhesion == 0.0 or steepest == 0.0:
+        if self.net_adhesion == 0.0 or steepest == 0.0:
             raise InputError(
                 "gaps: the law has no energy at gap 0; give a table whose energy does not vanish at contact"
             )
-        for name, value in (("work_of_adhesion", self.adhesion), ("range", largest / steepest), ("_largest", largest)):
+        for name, value in (
+            ("work_of_adhesion", self.net_adhesion),
+            ("range", largest / steepest),
+            ("_largest", largest),
+        ):
             object.__setattr__(self, name, value)
 
     @property
@@ -238,10 +242,10 @@ class Tabulated(Evaluated):
         return Response(self._table.energy(gap), -self._table.energy(gap, 1), self._table.energy(gap, 2))
 
     @cached_property
-    def minimum(self) -> float:
+    def lowest_gap(self) -> float:
         """The gap at which v is lowest; 0 also where no row attracts, whatever the curve between them does."""
         rows = self.pressures if self.energies is None else self.energies
-        return super().minimum if rows is not None and min(rows) < 0.0 else 0.0
+        return super().lowest_gap if rows is not None and min(rows) < 0.0 else 0.0
 
     @property
     def reference_work(self) -> float:

@@ -74,9 +74,9 @@ def _check_values(law: Interaction, name: str, found: list[tuple[float, Response
         raise InputError(f"{name}: is finite at none of the gaps {', '.join(map(str, GAPS))} (in ranges)")
     if spoiled:
         warned(f"{name}: is not finite at gaps of {', '.join(f'{x:g}' for x in spoiled)} ranges")
-    if isinstance(law, Evaluated) or not (law.minimum or (found[0][0] == 0.0 and 0.0 not in spoiled)):
+    if isinstance(law, Evaluated) or not (law.lowest_gap or (found[0][0] == 0.0 and 0.0 not in spoiled)):
         return
-    place, unit = law.minimum / law.range, law.adhesion / law.work_of_adhesion
+    place, unit = law.lowest_gap / law.range, law.net_adhesion / law.work_of_adhesion
     if abs(unit - 1.0) > UNIT:
         text = f"{name}: f({place:.3g}) is {unit:.6g}, documented as 1: so many times the work of adhesion given are"
         warned(f"{text} gained")

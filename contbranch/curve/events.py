@@ -170,7 +170,7 @@ class Ceiling(Event):
     def counts(self, point: Point) -> bool:
         """Whether a curve may end there: in contact, within the law's core, or in a film that stays."""
         own, problem = point.observables, equilibrium(point)
-        return own["contact_radius"] > 0.0 or own["central_gap"] < problem.core or problem.endures(point)
+        return own["contact_radius"] > 0.0 or own["central_gap"] < problem.contact_gap or problem.endures(point)
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """The first passage from below, in contact; beyond the value already, where it rises."""

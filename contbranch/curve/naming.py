@@ -50,9 +50,9 @@ def signs_of(interaction: Interaction | None) -> tuple[bool, bool]:
             return True, True
         energies.append(-term.work_of_adhesion)
         if isinstance(term, Tabulated) or type(term) is not INTERACTIONS.get(term.name):
-            found = np.nan_to_num(term.samples[1])
+            found = np.nan_to_num(term.sampled_energies[1])
             energies[-1:] = found[np.abs(found) > WEAK * np.abs(found).max()].tolist()
-            energies += [-term.adhesion] if term.minimum else []  # however high its core is
+            energies += [-term.net_adhesion] if term.lowest_gap else []  # however high its core is
     return min(energies) < 0.0, max(energies) > 0.0
 
 

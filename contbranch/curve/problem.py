@@ -318,7 +318,7 @@ class EquilibriumProblem(Problem):
         return ""
 
     @property
-    def core(self) -> float:
+    def contact_gap(self) -> float:
         """The central gap below which a film counts as contact: that of the law's repulsive core, if it has one."""
         return 0.0
 

@@ -477,7 +477,7 @@ class ContactProblem(MeshedContact):
     def ending(self, name: str, point: Point) -> str:
         """Why the curve ends."""
         if name == "end":
-            return "" if self.equations.contact or point.observables["central_gap"] < self.core else ENDURES
+            return "" if self.equations.contact or point.observables["central_gap"] < self.contact_gap else ENDURES
         if name == "inadmissible":
             return (
                 "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or "
@@ -496,9 +496,9 @@ class ContactProblem(MeshedContact):
         return "The contact, or the interaction around it, has reached the end of the tip."
 
     @property
-    def core(self) -> float:
+    def contact_gap(self) -> float:
         """That of the law."""
-        return getattr(self.equations.interaction, "core", 0.0)
+        return getattr(self.equations.interaction, "contact_gap", 0.0)
 
     def endures(self, point: Point) -> bool:
         """Whether the film's next greatest pressure is out of reach, see `lasts`."""

@@ -251,9 +251,9 @@ class LatticeProblem(EquilibriumProblem):
         return self.point(first, second.beyond(first))
 
     @property
-    def core(self) -> float:
+    def contact_gap(self) -> float:
         """That of the law."""
-        return 0.0 if self.setup.law is None else self.setup.law.core
+        return 0.0 if self.setup.law is None else self.setup.law.contact_gap
 
     @property
     def cornered(self) -> bool:

@@ -128,9 +128,9 @@ class RingProblem(RingEquations):
         return "The contact has come to the edge of the tip, where its description ends." if name == "tip-edge" else ""
 
     @property
-    def core(self) -> float:
+    def contact_gap(self) -> float:
         """That of the law."""
-        return getattr(self.law.interaction, "core", 0.0)
+        return getattr(self.law.interaction, "contact_gap", 0.0)
 
     def endures(self, point: Point) -> bool:
         """Whether the pressure with which the middle rests on a film is out of reach of that which breaks it."""
