@@ -220,15 +220,12 @@ class Tabulated(Evaluated):
         object.__setattr__(self, "_largest", float(np.max(np.abs(self._table.energy(places)))))
         outside = np.append(self.lowest_gap, places[places > self.lowest_gap])
         largest, steepest = (float(np.max(np.abs(self._table.energy(outside, order)))) for order in (0, 1))
-        if self.net_adhesion == 0.0 or steepest == 0.0:
+        work = self.net_adhesion
+        if work == 0.0 or steepest == 0.0:
             raise InputError(
                 "gaps: the law has no energy at gap 0; give a table whose energy does not vanish at contact"
             )
-        for name, value in (
-            ("work_of_adhesion", self.net_adhesion),
-            ("range", largest / steepest),
-            ("_largest", largest),
-        ):
+        for name, value in (("work_of_adhesion", work), ("range", largest / steepest), ("_largest", largest)):
             object.__setattr__(self, name, value)
 
     @property

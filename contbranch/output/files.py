@@ -63,13 +63,12 @@ class Place:
 
     def abandon(self) -> None:
         """Close the file, and remove it if it is unfinished."""
-        own = (
-            self.unfinished if not self.file.closed and self.unfinished and _same(self.file, self.unfinished) else None
-        )
+        path = None if self.file.closed else self.unfinished
+        own = path is not None and _same(self.file, path)
         if fcntl is None:
             self.file.close()
-        if own is not None:
-            own.unlink()
+        if path is not None and own:
+            path.unlink()
         self.file.close()
 
 
