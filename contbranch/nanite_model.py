@@ -68,7 +68,7 @@ def adhesive_force(law: str, delta: Array, retract: bool, **parameters: float) -
     deepest = max(float(displacement.max(initial=0.0)), 0.0) + 3 * contact.scales.normal
     largest = 4 / 3 * contact.modulus * (own["R"] * 1e9 * deepest**3) ** 0.5
     leg = legs(curve_of(contact, largest), np.inf)[int(retract)]
-    return leg.at(displacement) * 1e-9 + own["baseline"]
+    return leg.whole.at(displacement)[0] * 1e-9 + own["baseline"]
 
 
 def get_parameter_defaults() -> Any:

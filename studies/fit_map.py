@@ -1,15 +1,17 @@
 """A map of 64 synthetic force curves, fitted by one command; its pictures show the pattern that was put in.
 
-    python -m studies.fit_map [--size 8] [--folder FOLDER]
+    python -m studies.fit_map [--size 8] [--folder FOLDER] [--count COUNT]
 
 A stiff square lies in a soft surface, and the work of adhesion grows from left to right. Written are the curves,
-one file each, ``map.h5`` and ``map.png``.
+one file each, ``map.h5`` and ``map.png``. With a count so many Hertz curves of 600 samples are fitted instead, and it
+is told how long that takes, from the files of the curves to that of the map.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +57,28 @@ def written(folder: Path, size: int, count: int = 300) -> None:
             ways = ((1, way), (-1, way[::-1]))
             force = np.concatenate([force_curve(loop, SPRING, one, direction) for direction, one in ways])
             force += 0.01 * -force.min() * rng.standard_normal(force.size) + rng.uniform(-5.0, 5.0)
-            words = np.repeat(["approach", "retract"], count)
-            rows = zip(np.append(way, way[::-1]), force, words, strict=True)
-            text = "\n".join(["piezo [nm],force [nN],segment", *(f"{z:.5f},{f:.5f},{w}" for z, f, w in rows)])
-            (folder / f"x{column}_y{row}.csv").write_text(text)
+            _write(folder / f"x{column}_y{row}.csv", way, force)
+
+
+def _write(path: Path, way: np.ndarray[Any, Any], force: np.ndarray[Any, Any]) -> None:
+    """Write a curve: there and back."""
+    rows = zip(np.append(way, way[::-1]), force, np.repeat(["approach", "retract"], way.size), strict=True)
+    path.write_text("\n".join(["piezo [nm],force [nN],segment", *(f"{z:.5f},{f:.5f},{w}" for z, f, w in rows)]))
+
+
+def timed(count: int, folder: Path) -> None:
+    """Fit a map of Hertz curves, with moduli of 1 to 100 kPa and a spring of 0.05 N/m, by two processes."""
+    rng, depth = np.random.default_rng(1), np.linspace(0.0, 2000.0, 2000)
+    for k, modulus in enumerate(1e-6 * 10.0 ** rng.uniform(0.0, 2.0, count)):
+        load = 4.0 / 3.0 * modulus * np.sqrt(2500.0) * depth**1.5
+        way = np.linspace(-1000.0, float(np.interp(5.0, load, depth + load / 0.05)), 300)
+        force = np.interp(np.append(way, way[::-1]), depth + load / 0.05, load) + rng.normal(0.0, 0.02, 600)
+        _write(folder / f"x{k % 64}_y{k // 64}.csv", way, force)
+    contact, began = cb.Contact.physical(radius="2.5 um", modulus="10 kPa"), time.perf_counter()
+    found = cb.fit_map(folder, contact, folder.parent / "map.h5", ("modulus",), spring="0.05 N/m", workers=2)
+    seconds, own = (time.perf_counter() - began) / count, float(np.mean([one.wall_s for one in found.tasks]))
+    print(found)
+    print(f"{own:.3f} s a fit, {seconds - own / 2:.4f} s a curve beside it; 4096 curves: {68.3 * seconds:.1f} min")
 
 
 def main() -> None:
@@ -66,10 +86,14 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--size", type=int, default=8)
     parser.add_argument("--folder", type=Path)
+    parser.add_argument("--count", type=int)
     asked = parser.parse_args()
     folder = asked.folder or Path(tempfile.mkdtemp())
     curves = folder / "curves"
     curves.mkdir(parents=True, exist_ok=True)
+    if asked.count:
+        timed(asked.count, curves)
+        return
     written(curves, asked.size)
     contact, file = folder / "contact.toml", folder / "map.h5"
     contact.write_text(CONTACT)

@@ -158,7 +158,7 @@ def main() -> None:
         marks = []
         for name, true in case.truth.items():
             sigma = (fit.values[name] - true) / fit.errors[name] if fit.errors[name] else math.inf
-            if name not in fit.identifiable:
+            if name not in fit.determined:
                 unknown += 1
                 marks.append(f"({name} {fit.values[name] / true:.2f})")
                 continue
@@ -173,7 +173,7 @@ def main() -> None:
         )
     total = inside + outside
     share = total / max(total + unknown, 1)
-    print(f"inside {inside}/{total} = {inside / max(total, 1):.3f}; beyond 5 errors {far}; identifiable {share:.3f}")
+    print(f"inside {inside}/{total} = {inside / max(total, 1):.3f}; beyond 5 errors {far}; determined {share:.3f}")
     print(f"median time {np.median(times):.2f} s, largest {max(times):.1f} s")
 
 

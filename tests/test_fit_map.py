@@ -1,9 +1,13 @@
 """Maps of force curves: what was put in is found where it was put, and one bad curve does no harm."""
 
+import csv
 import json
+import math
+import re
 import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +16,7 @@ import pytest
 import contbranch as cb
 from contbranch.cli import main
 from contbranch.contact.file import read_contact
+from contbranch.contact.units import readable
 from contbranch.measure.maps import _laid_out
 from contbranch.measure.reading import curves_in
 
@@ -177,11 +182,69 @@ def test_digits_that_are_no_numbers_are_refused(folder, capsys):
         assert capsys.readouterr().err.startswith(f"contbranch: {option}: '{value}'; ")
 
 
-def test_a_map_of_which_nothing_was_fitted_is_drawn_as_words(folder, capsys):
-    contact, _ = read_contact(folder / "contact.toml")
-    flat = cb.ForceCurve(piezo=[*range(20), *range(20, 0, -1)], force=[0.0] * 40)
-    with ThreadPoolExecutor(1) as executor:
-        found = cb.fit_map([flat], contact, folder / "flat.h5", executor=executor)
-    assert len(found.failed) == 1
+def test_a_map_of_which_nothing_is_determined_says_so(folder, capsys, tmp_path, monkeypatch):
+    """In words, by its exit status, and with columns that are empty."""
+    monkeypatch.chdir(tmp_path)
+    Path("c").mkdir()
+    for place in ("x0_y0", "x1_y0"):
+        Path("c", f"{place}.csv").write_text("piezo [nm],force [nN]\n" + "\n".join(f"{z},1" for z in range(99)))
+    given = ["fit", "c", str(folder / "contact.toml"), "--spring", "5 N/m", "--fixed", "tilt", "--workers", "1"]
+    assert main([*given, "-o", "m.h5", "--csv", "m.csv"]) == 1
+    said, told = capsys.readouterr()
+    assert re.search(r"\nmodulus +0 of 2 +–", said)
+    assert told.splitlines()[-1] == "contbranch: nothing is determined in any curve"
+    names = {f"{name}{end}" for name in ("modulus", "work_of_adhesion", "contact_point", "baseline")
+             for end in ("", "_error")}  # fmt: skip
+    rows = list(csv.DictReader(Path("m.csv").read_text().splitlines()))
+    columns = [column for column in rows[0] if column.partition(" [")[0] in names]
+    assert len(columns) == len(names)
+    assert {row[column] for row in rows for column in columns} == {""}
+    found = cb.load("m.h5")
+    assert set(found.names) == names
+    assert "nothing is determined in any curve" in str(found)
     (words,) = (text.get_text() for text in found.plot().texts)
     assert words == "No curve determines a value."
+    found.plot("modulus")
+
+
+def test_settings_of_a_fit_and_of_the_reading_are_passed_on(folder, tmp_path, monkeypatch):
+    heard = {}
+
+    def noted(curve, contact, free, **settings):
+        heard.update(settings)
+        raise cb.ModelError("lost")
+
+    monkeypatch.setattr("contbranch.measure.maps.fit", noted)
+    wanted = {"leg": "approach", "baseline": "each", "max_indentation": "50 nm", "max_force": 2.0, "fixed": ("tilt",)}
+    curve = cb.read_force_curve(folder / "curves" / "x0_y0.csv", 5.0)
+    monkeypatch.setattr("contbranch.measure.maps.curves_in", lambda path, **how: heard.update(how) or [curve])
+    with ThreadPoolExecutor(1) as executor:
+        cb.fit_map("c", read_contact(folder / "contact.toml")[0], tmp_path / "m.h5", executor=executor, law=None,
+                   sensitivity="50 nm/V", columns="piezo=Z", **wanted)  # fmt: skip
+    assert heard == {**wanted, "time_limit": 600.0, "sensitivity": "50 nm/V", "columns": "piezo=Z"}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ((1.234e-6, "nN/nm²", 4e-8), "1.234 ± 0.040 kPa"),
+        ((1388.553, "nm", 0.17), "1388.55 ± 0.17 nm"),
+        ((-3.4e-6, "nN/nm²", 9.96e-5), "0 ± 100 kPa"),
+        ((0.02, "nN/nm", 0.0004), "20.00 ± 0.40 mN/m"),
+        ((0.02, "nN/nm", None, "spring"), "0.02 N/m"),
+        ((0.0, "nN", 0.0), "0 pN"),
+        ((1.5, "", math.inf), "1.5 ± ∞"),
+        ((math.nan, "nm", 1.0), "–"),
+    ],
+)
+def test_values_are_said_in_units_for_people(given, said):
+    assert readable(*given) == said
+
+
+def test_samples_left_out_are_drawn_as_such(folder):
+    curve = cb.read_force_curve(folder / "curves" / "x0_y0.csv", 5.0)
+    fit = cb.fit(curve, read_contact(folder / "contact.toml")[0])
+    part = np.arange(len(curve)) % 50 == 1
+    out, none = (replace(fit, residuals=np.where(some, np.nan, curve.force)) for some in (part, ~part & part))
+    labels = [[text.get_text() for text in one.plot().legends[0].texts] for one in (out, none)]
+    assert ["left out" in one for one in labels] == [True, False]

@@ -53,7 +53,9 @@ _OPTIONS = {
         "What is fitted, such as work_of_adhesion,modulus,range (default: the first two; modulus without law).",
     ),
     "--fixed": ("NAMES", "Which of contact_point, baseline and tilt are held at 0."),
-    "--spring": ("K", "Stiffness of the cantilever, such as '0.5 N/m', in place of the curve's."),
+    "--spring": ("K", "Stiffness of the cantilever, such as '0.5 N/m', in place of the file's."),
+    "--sensitivity": ("S", "Deflection by voltage, such as '50 nm/V', where the file has none, or in place of it."),
+    "--columns": ("ROLE=NAME,…", "Columns of a text, such as 'piezo=-Height (nm),deflection=Defl (V)'; - reverses."),
     "--law": ("NAME", "Another law than the contact's; jkr, dmt, or compare."),
     "--shape": ("ROWSxCOLUMNS", "Of a map whose curves lie row by row.  [default: as files or names say]"),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
@@ -241,7 +243,8 @@ def _fit(asked: Values) -> Any:
     how: dict[str, Any] = {"free": asked.free or ("work_of_adhesion,modulus" if contact.interaction else "modulus")}
     how |= {"fixed": asked.fixed or "", "law": asked.law}
     folder = Path(asked.source).is_dir()
-    curves: list[Any] = [] if folder else list(curves_in(asked.source, asked.spring))
+    reading = {name: getattr(asked, name) for name in ("spring", "sensitivity", "columns")}
+    curves: list[Any] = [] if folder else list(curves_in(asked.source, **reading))
     if len(curves) == 1:
         from contbranch.measure.fit import fit
 
@@ -258,7 +261,7 @@ def _fit(asked: Values) -> Any:
     with _sweeping(asked) as running:
         if asked.shape is not None:
             running["shape"] = asked.shape
-        return fit_map(curves or asked.source, contact, asked.output, spring=asked.spring, **how, **running)
+        return fit_map(curves or asked.source, contact, asked.output, **reading, **how, **running)
 
 
 def _show(asked: Values) -> Result:
@@ -314,8 +317,8 @@ COMMANDS = {
     "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
     "fit": Command(
         _fit,
-        ("--free", "--fixed", "--spring", "--law", "--shape", *_SWEEPING, *_OUTPUTS),
-        ("CURVE", "Force curve: CSV (piezo [nm],force [nN]), .ibw, .jpk-force, …; a map, or a folder of curves."),
+        ("--free", "--fixed", "--spring", "--sensitivity", "--columns", "--law", "--shape", *_SWEEPING, *_OUTPUTS),
+        ("CURVE", "Force curve: text (piezo [nm],force [nN]), .ibw, .jpk-force, …; a map, or a folder of curves."),
         own=("-o",),
         second=("CONTACT", "TOML file with the contact: what stays, and where to start."),
     ),
@@ -397,9 +400,11 @@ def _run(given: list[str]) -> int:
     if interrupts.pending or interrupted:
         late = "what was asked for is complete all the same" if result.status == "complete" else result.message
         return _fail(f"interrupted: {late}", interrupts.status)
-    if name in ("show", "view") or result.status == "complete":
+    if name in ("show", "view"):
         return COMPLETE
-    return _fail(f"incomplete: {result.message}", INCOMPLETE)
+    if result.status != "complete":
+        return _fail(f"incomplete: {result.message}", INCOMPLETE)
+    return _fail(result.outcome, INCOMPLETE) if str(result.outcome).startswith("nothing") else COMPLETE
 
 
 def _watched(command: Command, asked: Values) -> Any:

@@ -71,6 +71,44 @@ def _powers(unit: str) -> tuple[int, ...] | None:
     return total
 
 
+# Units that are printed, the smallest first, with their number in one of the document's: by quantity, or by that unit.
+_PRINTED = {
+    "spring": {"N/m": 1.0}, "tilt": {"pN/nm": 1e3}, "nN/nm": {"mN/m": 1e3, "N/m": 1.0}, "nm": {"nm": 1.0, "µm": 1e-3},
+    "nN": {"pN": 1e3, "nN": 1.0, "µN": 1e-3}, "nN/nm²": {"Pa": 1e9, "kPa": 1e6, "MPa": 1e3, "GPa": 1.0},
+}  # fmt: skip
+
+
+def printed(size: float, unit: str, name: str = "") -> tuple[str, float]:
+    """The unit in which a value of that size is printed, and the factor from the document's `unit` to it.
+
+    The spring and the tilt, which share their unit with the work of adhesion, are known by their names.
+    """
+    known = _PRINTED.get(name.removesuffix("_error").removesuffix("_retract")) or _PRINTED.get(unit) or {unit: 1.0}
+    large = (one for one in reversed(known.items()) if abs(size) * one[1] >= 1.0)
+    return next(large, next(iter(known.items())))
+
+
+def readable(value: float, unit: str, error: float | None = None, name: str = "") -> str:
+    """Return a value for people, ``"1.234 ± 0.040 kPa"``, unit by its size, digits by two of its error; a dash for NaN.
+
+    Parameters
+    ----------
+    value, error : float
+        In `unit`, that of the document: nm, nN, nN/nm, nN/nm² or none. Without an error, or one that is zero or no
+        number, four digits are given.
+    unit, name : str
+        As of `printed`.
+    """
+    if error is None or not 0.0 < error < math.inf or math.isnan(value):
+        word, factor = printed(value, unit, name)
+        text = f"{factor * value:.4g}{' ± ∞' if error == math.inf else ''} {word}".rstrip()
+        return "–" if math.isnan(value) else text
+    word, factor = printed(max(error, min(abs(value), 1e3 * error)), unit, name)  # 1388.55 ± 0.17 nm are no µm
+    place = 1 - int(f"{factor * error:.1e}".partition("e")[2])
+    value, error = (round(factor * one, place) + 0.0 for one in (value, error))
+    return f"{value:.{max(place, 0)}f} ± {error:.{max(place, 0)}f} {word}".rstrip()
+
+
 def is_unit(text: str) -> bool:
     """Whether a text is one of the usual units of lengths, forces, pressures, energies and stiffnesses."""
     return _powers(text) is not None

@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -14,16 +14,18 @@ import numpy as np
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS
+from contbranch.contact.parameters import parameters_of
 from contbranch.contact.tips import Parabola
-from contbranch.contact.units import Quantity
+from contbranch.contact.units import Quantity, parse
 from contbranch.errors import InputError, ModelError, look_up
-from contbranch.measure.conclusions import concluded
-from contbranch.measure.force_curve import ForceCurve
-from contbranch.measure.minimum import MISFIT, Minimiser, Minimum, correlation_length, errors_of, loss, moved
-from contbranch.measure.quantities import LINE, NARROW, Problem, State
+from contbranch.measure.comparison import Comparison
+from contbranch.measure.conclusions import apart, concluded
+from contbranch.measure.features import NoAdhesionError
+from contbranch.measure.force_curve import LEAST, ForceCurve
+from contbranch.measure.minimum import LONG, MISFIT, Minimiser, Minimum, correlation_length, loss, moved
+from contbranch.measure.quantities import INSTRUMENT, LINEAR, NARROW, Problem, State
 from contbranch.measure.reduced import LIMITS, tabulated
-from contbranch.measure.starts import guessed, starts
-from contbranch.results.diagram import Cost
+from contbranch.measure.starts import WITHIN, guessed, scanned, starts
 from contbranch.results.fit import Fit, LawFit
 from contbranch.threads import one_thread
 from contbranch.watch import INTERRUPTIONS, Progress, caught, finishing, over, part, tell, told, watched
@@ -31,9 +33,9 @@ from contbranch.watch import INTERRUPTIONS, Progress, caught, finishing, over, p
 # Laws that are compared.
 COMPARED = ("maugis-dugdale", "exponential", "van-der-waals", *LIMITS)
 # Evaluations that starts which are tried may take, and those of the last fit.
-TRIED, MOST = 40, 120
-# Starts that are followed to their end: the best ones, as far as their sums of squares are within this factor.
-BEST, WITHIN = 2, 3.0
+TRIED, MOST = 15, 120
+# Starts that are followed to their end: the best ones.
+BEST = 2
 # Unknowns with larger errors (of their logarithm) are held at other values, a range at so many between its bounds.
 SHARP, GRID = 0.04, 6
 # Criterion above the best law's at which a law is as good as excluded.
@@ -44,6 +46,9 @@ POOR = 3.0
 TOLD = 9.0
 # A slope in contact that no contact on the spring has, over the stiffness.
 STIFFER = 1.25
+# Times that samples in a range of force or indentation are chosen anew.
+CHOSEN = 4
+LEGS, BASELINES = ("auto", "approach", "retract", "both"), ("auto", "one", "each")
 
 
 @one_thread
@@ -55,6 +60,11 @@ def fit(
     fixed: Sequence[str] = (),
     spring: Quantity = None,
     law: str | None = None,
+    leg: str = "auto",
+    baseline: str = "auto",
+    max_indentation: Quantity = None,
+    max_force: Quantity = None,
+    min_force: Quantity = None,
     progress: Progress | None = None,
     time_limit: float | None = None,
 ) -> Fit:
@@ -80,6 +90,15 @@ def fit(
     law : str, optional
         A law in place of the contact's, with the same work of adhesion and range; ``"jkr"`` or ``"dmt"``, its limits;
         or ``"compare"``: all of them in turn, and the best one by the Bayesian information criterion.
+    leg : {"auto", "approach", "retract", "both"}
+        What is fitted. ``"auto"``: both legs at once where one contact explains both; otherwise each by itself, and the
+        modulus is the approach's, the work of adhesion the retraction's.
+    baseline : {"auto", "one", "each"}
+        Whether both legs have one baseline and tilt, or each its own, as drag and drift need; ``"auto"``: each its own
+        where that explains more.
+    max_indentation, max_force, min_force : float or str, optional
+        Samples with a larger indentation (nm), or a force above the baseline (nN) outside this range, are left out;
+        what is without contact stays.
     progress : callable, optional
         Called as ``progress(fraction, text)`` now and then; where it raises `Stop`, the fit ends with what it has.
     time_limit : float, optional
@@ -107,19 +126,76 @@ def fit(
     with watched(progress, time_limit) as watch, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of values that are tried on the way
         work = sum(term.work_of_adhesion for term in terms_of(contact.interaction))
-        minimiser = Minimiser(curve.with_spring(spring), adhesive=work > 0)
-        fitting = _Fitting(minimiser, contact, named(free), named(fixed))
-        if law in LIMITS and "range" in fitting.free:
+        if law in LIMITS and "range" in named(free):
             raise InputError(f"free: range; the limit {law} has none, leave it out")
         if law in (*LIMITS, "compare") and contact.interaction and work <= 0:
             raise InputError(f"law: {law}; is for attraction, and the work of adhesion is {work:g}")
+        limits = {"max_indentation": max_indentation, "max_force": max_force, "min_force": min_force}
+        kinds = {name: "length" if name == "max_indentation" else "force" for name in limits}
+        ranges = {name: parse(value, kinds[name], name) for name, value in limits.items() if value is not None}
+        settings = Settings(curve.with_spring(spring), contact, named(free), named(fixed), law, baseline, ranges)
+        look_up(leg, dict.fromkeys(LEGS), "leg")
+        look_up(baseline, dict.fromkeys(BASELINES), "baseline")
         try:
-            found = fitting.compared() if law == "compare" else concluded(minimiser, fitting.profiled(fitting.law(law)))
+            found = _of_legs(settings, leg)
         except INTERRUPTIONS as error:
             caught(error)
             raise ModelError(told("fit: no contact was compared with the curve by then.")) from None
-        found = replace(found, message=told(found.message), cost=Cost(perf_counter() - began, minimiser.evaluations))
+        found = replace(found, message=told(found.message), cost=replace(found.cost, wall_s=perf_counter() - began))
     return watch.passed(found)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is asked of a fit: as the arguments of `fit`."""
+
+    curve: ForceCurve
+    contact: Contact
+    free: tuple[str, ...]
+    fixed: tuple[str, ...]
+    law: str | None
+    baseline: str
+    ranges: dict[str, float]
+
+    def bare(self) -> Settings:
+        """The same without adhesion."""
+        contact = replace(self.contact, interaction=None)
+        possible = parameters_of(contact)
+        kept = tuple(name for name in self.free if name in possible or name in INSTRUMENT)
+        return replace(self, contact=contact, free=kept, law=None)
+
+
+def _of_legs(settings: Settings, leg: str) -> Fit:
+    """The legs fitted at once, or each by itself."""
+    present = [back for back in (False, True) if settings.curve.leg(back).size >= LEAST]
+    legs = {"approach": [False], "retract": [True]}.get(leg, present)
+    if not set(legs) <= set(present) or (leg == "both" and len(legs) < 2):
+        raise InputError(f"leg: {leg}; the curve has no {'approach' if True in present else 'retraction'}")
+    if len(legs) == 1 or settings.law == "compare":
+        return _Fitting(settings, legs, settings.baseline == "each").concluded()
+    joint = _Fitting(settings, legs, settings.baseline == "each")
+    if settings.baseline == "auto" and not joint.explains():
+        other = _Fitting(settings, legs, True)
+        if other.explains() or MISFIT * other.found.rms < joint.found.rms:
+            joint = other
+    if joint.explains() or over():
+        return joint.concluded()
+    alone = [_alone(settings, back) for back in legs]
+    single = [one.concluded() for one in alone]
+    pairs = [(joint.minimiser.misfit(joint.found, back)[0], one.rest[0]) for back, one in zip(legs, alone, strict=True)]
+    if leg == "both" or all(together < MISFIT * apart for together, apart in pairs):
+        return joint.concluded(single)
+    separate, together = apart(*single), joint.concluded(single)
+    known = [{*fit.determined} & {*settings.free} for fit in (separate, together)]
+    return together if known[0] < known[1] else separate
+
+
+def _alone(settings: Settings, back: bool) -> _Fitting:
+    """A leg by itself; without adhesion where it shows none."""
+    try:
+        return _Fitting(settings, [back], False)
+    except NoAdhesionError:
+        return _Fitting(settings.bare(), [back], False)
 
 
 def named(free: Sequence[str]) -> tuple[str, ...]:
@@ -128,17 +204,48 @@ def named(free: Sequence[str]) -> tuple[str, ...]:
 
 
 class _Fitting:
-    """A contact that is fitted."""
+    """A contact that is fitted to legs of a curve.
 
-    def __init__(self, minimiser: Minimiser, contact: Contact, free: tuple[str, ...], fixed: tuple[str, ...]) -> None:
-        self.minimiser, self.contact, self.free, self.fixed = minimiser, contact, free, fixed
+    Attributes
+    ----------
+    found : Minimum
+    rest : (float, float)
+        What it leaves of the force in contact, and that force, root mean squares.
+    """
+
+    def __init__(self, settings: Settings, legs: Sequence[bool], each: bool, suspect: bool = False) -> None:
+        self.contact, self.free, self.each, self.settings = settings.contact, settings.free, each, settings
+        work = sum(term.work_of_adhesion for term in terms_of(settings.contact.interaction))
+        self.minimiser = minimiser = Minimiser(settings.curve, work > 0, legs, suspect)
+        self.fixed = settings.fixed
         slope, error = minimiser.slope()
-        calibrated = not {"spring", "sensitivity"} & set(free)
+        calibrated = not {"spring", "sensitivity"} & set(self.free)
         if slope - 4 * error > STIFFER * minimiser.stiffness * (1.0 if calibrated else NARROW):
             raise InputError(
                 f"curve: pressed most, the force rises by {slope:.3g} nN/nm, and no contact is stiffer than its spring "
                 f"of {minimiser.stiffness:.3g} nN/nm; is a unit wrong, the stiffness or (then free it) the sensitivity?"
             )
+        if settings.law != "compare":
+            self.found = self.law(settings.law)
+            self.found = self._within(self.found, settings.ranges)
+            self.rest = minimiser.misfit(self.found)
+            if minimiser.seen.suspected and not self.explains():
+                other = _Fitting(settings, legs, each, suspect=True)
+                if other.explains() or other.rest[0] < self.rest[0] / MISFIT:
+                    self.__dict__.update(other.__dict__)
+
+    def explains(self) -> bool:
+        """Whether no more is left than the noise, in contact and in all, by jumps, and nothing that varies slowly."""
+        noise, beside = self.minimiser.seen.noise, self.minimiser.beside_jumps(self.found)
+        few = max(self.rest[0], self.found.rms) <= MISFIT * noise and beside <= MISFIT**2 * noise
+        return few and self.found.deviation <= LONG * noise
+
+    def concluded(self, alone: Sequence[Fit] = ()) -> Fit:
+        """The result; its errors allow for what legs fitted each by itself determine."""
+        if self.settings.law == "compare":
+            return self.compared()
+        halved = {} if self.explains() or over() else self._halved()
+        return concluded(self.minimiser, self.profiled(self.found), alone, halved)
 
     def law(self, name: str | None) -> Minimum:
         """The fit with a law, by name; None for the contact's own."""
@@ -149,11 +256,56 @@ class _Fitting:
             contact = _with_law(contact, "maugis-dugdale" if limit else name)
         if limit and not isinstance(contact.tip, Parabola):
             raise InputError(f"law: {limit}; is for a parabola")
-        curve = self.minimiser.curve
-        middle = float(np.mean(curve.piezo[curve.leg(False)][: max(3, len(curve) // 10)]))
+        samples = np.sort(self.minimiser.samples.samples)
+        middle = float(np.mean(self.minimiser.curve.piezo[samples[: max(3, samples.size // 10)]]))
         start = State(contact, self.minimiser.stiffness)
-        problem = Problem.of(start, self.free, self.fixed, limit, middle)
+        problem = Problem.of(start, self.free, self.fixed, limit, middle, self.each)
+        if contact.interaction is None and not {"radius", *INSTRUMENT} & set(self.free):
+            return self._from_scan(problem)
         return self._followed(replace(problem, guess=guessed(self.minimiser, problem)))
+
+    def _from_scan(self, problem: Problem) -> Minimum:
+        """The best minimum of a contact without an interaction: those that a scan of the contact point leads to."""
+        noise, found = self.minimiser.seen.noise, []
+        for state in scanned(self.minimiser, problem)[:BEST]:
+            one = replace(problem, guess=state)
+            found.append(self.minimiser.minimised(one, one.vector(state), self.minimiser.samples, (noise, MOST)))
+        if not found:
+            raise InputError("curve: the force rises nowhere as that of a contact; there is none to fit")
+        return self._weighted(found)
+
+    def _within(self, found: Minimum, ranges: Mapping[str, float]) -> Minimum:
+        """The minimum with the samples in ranges of force and indentation, which are chosen again as it moves."""
+        curve, kept = self.minimiser.curve, self.minimiser.seen.used
+        for _ in range(CHOSEN if ranges else 0):
+            state = found.problem.state(found.x)
+            force = curve.force - state.baseline(curve.piezo, curve.retract)
+            depth = curve.piezo - force / self.minimiser.gain(state) / state.spring - state.line[0]
+            inside = force <= ranges.get("max_force", math.inf)
+            inside &= (force >= ranges.get("min_force", -math.inf)) | (depth < 0.0)
+            inside &= depth <= ranges.get("max_indentation", math.inf)
+            inside &= self.minimiser.seen.used
+            if np.array_equal(inside, kept):
+                break
+            kept = inside
+            if kept.sum() < 2 * LEAST:
+                name, value = next(iter(ranges.items()))
+                raise InputError(f"{name}: {value:g}; leaves {int(kept.sum())} samples of the curve")
+            self.minimiser.samples = Comparison.of(curve, self.minimiser.seen, kept)
+            again = self.minimiser.minimised(found.problem, found.x, self.minimiser.samples, (found.noise, MOST))
+            found = self._weighted([again])
+        return found
+
+    def _halved(self) -> dict[str, float]:
+        """The values where only forces up to half of the largest are fitted; none where they cannot be had."""
+        samples, half = self.minimiser.samples, 0.5 * self.minimiser.seen.largest
+        try:
+            found = self._within(self.found, self.settings.ranges | {"max_force": half})
+        except InputError:
+            return {}
+        finally:
+            self.minimiser.samples = samples
+        return found.problem.values(found.x)
 
     def compared(self) -> Fit:
         """The best of several laws."""
@@ -187,7 +339,7 @@ class _Fitting:
         losses = {}
         for name, one in found.items():
             with finishing():
-                losses[name] = loss(self.minimiser.residuals(one.problem, one.comparison, noise)(one.x))
+                losses[name] = loss(self.minimiser.at(one, noise))
         close = found[min(losses, key=losses.__getitem__)]
         misfit, length = max(1.0, min(losses.values()) / count), 1.0
         if misfit > MISFIT**2:
@@ -235,20 +387,24 @@ class _Fitting:
                     raise
                 one = replace(one, converged=False)  # the curve that leads close enough is all there is
             found.append(one)
+        return self._weighted(found)
+
+    def _weighted(self, found: Sequence[Minimum]) -> Minimum:
+        """The best of minima, with weights that residuals which are no white noise deserve."""
         best = min(found, key=lambda one: one.cost)
-        spread = self.minimiser.spread(best)
-        if spread > MISFIT * best.spread:  # weights that residuals which are no white noise deserve
-            return self.minimiser.minimised(best.problem, best.x, best.comparison, (spread, MOST))
-        others = [one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD]
-        return replace(best, others=tuple(others))
+        others = tuple(one.x for one in _distinct([best, *found])[1:] if one.cost < best.cost + TOLD)
+        spread = best.deviation
+        if spread > MISFIT * best.spread:
+            best = self.minimiser.minimised(best.problem, best.x, best.comparison, (spread, MOST))
+        return replace(best, others=others) if others else best
 
     def profiled(self, found: Minimum) -> Minimum:
         """The minimum with what else fits as well: minima with an unknown held elsewhere that the data hardly tell."""
         low, high = found.problem.bounds()
-        errors, near, count = errors_of(self.minimiser.inverse(found)[0]), [], found.comparison.samples.size
+        errors, near, count = found.errors, [], found.comparison.samples.size
         poor = found.cost > count + POOR * math.sqrt(2.0 * count)
         for k, name in enumerate(found.problem.names):
-            if name in LINE or errors[k] < SHARP:
+            if name in LINEAR or errors[k] < SHARP:
                 continue
             tried = [found.x[k] + s * errors[k] for s in (-2.0, 2.0)]
             tried += list(np.linspace(low[k], high[k], GRID)) if name == "range" and found.problem.by_tabor else []
@@ -264,7 +420,7 @@ class _Fitting:
                         return self.profiled(replace(better, others=found.others))
                 if one.cost < found.cost + 4.0:
                     near.append((one.x, max(one.cost - found.cost, 1.0)))
-        return replace(found, near=tuple(near))
+        return replace(found, near=tuple(near)) if near else found
 
 
 def _with_law(contact: Contact, name: str) -> Contact:
@@ -281,7 +437,7 @@ def _distinct(found: list[Minimum]) -> list[Minimum]:
     """Minima that differ."""
     kept: list[Minimum] = []
     for one in found:
-        positive = [k for k, name in enumerate(one.problem.names) if name not in LINE]
+        positive = [k for k, name in enumerate(one.problem.names) if name not in LINEAR]
         if all(np.abs(one.x[positive] - other.x[positive]).max(initial=0.0) > 0.05 for other in kept):
             kept.append(one)
     return kept

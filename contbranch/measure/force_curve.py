@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contbranch.arrays import AnyArray, Array, Flags, Indices
-from contbranch.contact.units import Quantity, parse, positive_number
+from contbranch.contact.units import Quantity, is_unit, parse, positive_number
 from contbranch.errors import InputError
 
 # What a curve can be made of, and its dimension.
@@ -22,7 +23,8 @@ LEAST = 8
 METRES = {"piezo": 0.1, "tip": 0.1, "force": 1e-5, "deflection": 1e-4}
 # A drive that moves steadily: the median of its ways in parts of a leg as a share of their mean.
 STEADY = 0.2
-WORDS = ("approach", "retract")
+# What a sample can be said to belong to.
+WORDS = {"approach": ("approach", "extend", "0", "false"), "retract": ("retract", "1", "true"), "pause": ("pause",)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,11 @@ class ForceCurve:
     that of the piezo with the spring, ``piezo = tip + force/K``, and a deflection into a force, ``force = K δ``.
     Without a spring a tip position is taken for that of a rigid drive.
 
+    Attributes
+    ----------
+    retract, pause : array (M,)
+        Whether a sample belongs to the retraction, or to a pause between the legs, which is in neither.
+
     Parameters
     ----------
     piezo, tip : array (M,)
@@ -42,9 +49,18 @@ class ForceCurve:
     spring : float or str, optional
         Stiffness of the cantilever in nN/nm, or with a unit.
     segment : array (M,), optional
-        ``"approach"`` and ``"retract"`` (or 0 and 1); without it the curve is split at its largest piezo position.
+        ``"approach"``, ``"pause"`` and ``"retract"`` (or 0 for approach, 1 for retract). Without it the curve is split
+        at its largest piezo position; what stays there, within the noise of the positions, is a pause. A curve that
+        begins and ends close to the surface is split at its smallest position: first the retraction, then the approach.
+        One leg is enough. A leg that runs the other way than the other one does, as where both are listed by growing
+        positions, is turned round.
     units : mapping, optional
-        Units of `piezo`, `tip`, `force` and `deflection` where they are not nm and nN, such as ``{"piezo": "um"}``.
+        Units of `piezo`, `tip`, `force` and `deflection` where they are not nm and nN, such as ``{"piezo": "um"}``; a
+        deflection may be in volts.
+    sensitivity : float or str, optional
+        Deflection by voltage, in nm/V or with a unit; for a deflection in volts.
+    deflected : bool
+        Whether the force was found from a deflection with this spring: then another spring changes it.
     source : str
         Where it is from.
     place : mapping, optional
@@ -53,13 +69,15 @@ class ForceCurve:
     Raises
     ------
     InputError
-        For arrays of different lengths, values that are not finite, and piezo positions that do not grow on approach.
+        For arrays of different lengths, values that are not finite, legs of fewer than 8 samples both, and piezo
+        positions that do not grow on approach or fall on retraction.
     """
 
     piezo: Array
     force: Array
     spring: float | None
     retract: Flags
+    pause: Flags
     source: str = ""
     deflected: bool = False
     rigid: bool = field(default=False)
@@ -75,36 +93,35 @@ class ForceCurve:
     ) -> None:
         units: Mapping[str, str] = others.pop("units", None) or {}
         source, place = str(others.pop("source", "")), others.pop("place", None) or {}
+        sensitivity, deflected = others.pop("sensitivity", None), bool(others.pop("deflected", False))
         given = {"piezo": piezo, "force": force, **others}
-        unknown = [name for name in (*given, *units) if name not in COLUMNS]
-        if unknown:
+        if unknown := [name for name in (*given, *units) if name not in COLUMNS]:
+            others = dict.fromkeys(("spring", "segment", "units", "sensitivity", "deflected", "source", "place"))
+            raise InputError(f"curve: {unknown[0]!r} is not known; must be one of {', '.join(COLUMNS | others)}")
+        if sensitivity is not None and is_unit(units.get("deflection") or "nm"):
             raise InputError(
-                f"curve: {unknown[0]!r} is not known; must be one of {', '.join(COLUMNS)}, units, source, place"
+                f"sensitivity: {sensitivity!r}; no deflection is in volts: leave it out, or name the unit, V"
             )
-        columns = {name: _column(values, name, units.get(name)) for name, values in given.items() if values is not None}
+        known = {name: values for name, values in given.items() if values is not None}
+        columns = {name: _column(values, name, units.get(name), sensitivity) for name, values in known.items()}
         for one, other in (("piezo", "tip"), ("force", "deflection")):
             if (one in columns) == (other in columns):
                 raise InputError(f"curve: give either {one} or {other}")
         sizes = {name: values.size for name, values in columns.items()}
         if len(set(sizes.values())) > 1:
-            raise InputError(
-                f"curve: {' and '.join(f'{n} {name}' for name, n in sizes.items())} values; must be as many"
-            )
-        stiffness = None if spring is None else _stiffness(spring)
+            much = " and ".join(f"{n} {name}" for name, n in sizes.items())
+            raise InputError(f"curve: {much} values; must be as many")
+        stiffness = None if spring is None else stiffness_of(spring)
         if "deflection" in columns and stiffness is None:
             raise InputError("spring: missing; a deflection becomes a force with the stiffness of the cantilever")
         found = columns["force"] if "force" in columns else (stiffness or 0.0) * columns["deflection"]
         drive = columns["piezo"] if "piezo" in columns else columns["tip"] + (found / stiffness if stiffness else 0.0)
-        self.__dict__.update(
-            piezo=drive,
-            force=found,
-            spring=stiffness,
-            retract=_retract(segment, drive),
-            source=source,
-            place=dict(place),
-            deflected="deflection" in columns,
-            rigid="tip" in columns and stiffness is None,
-        )
+        retract, pause = _split(drive, found) if segment is None else _named(segment, drive.size)
+        order = _order(drive, retract, pause)
+        drive, found = drive[order], found[order]
+        deflected = "deflection" in columns or (deflected and stiffness is not None)
+        self.__dict__.update(piezo=drive, force=found, spring=stiffness, retract=retract, pause=pause, source=source)
+        self.__dict__.update(place=dict(place), deflected=deflected, rigid="tip" in columns and stiffness is None)
         self._check()
 
     def __len__(self) -> int:
@@ -120,7 +137,7 @@ class ForceCurve:
         """
         if spring is None:
             return self
-        stiffness = _stiffness(spring)
+        stiffness = stiffness_of(spring)
         changed = object.__new__(type(self))
         changed.__dict__.update(self.__dict__ | {"spring": stiffness, "rigid": False})
         if self.rigid:
@@ -131,40 +148,64 @@ class ForceCurve:
 
     def describe(self) -> dict[str, Any]:
         """What tells it from other curves: its place, and a hash of its samples."""
-        parts = (self.piezo, self.force, self.retract, np.array([self.spring or np.inf, self.rigid, self.deflected]))
+        told = np.array([self.spring or np.inf, self.rigid, self.deflected])
+        parts = (self.piezo, self.force, self.retract, self.pause, told)
         return {**self.place, "samples": sha256(b"".join(part.tobytes() for part in parts)).hexdigest()}
 
     def leg(self, retract: bool) -> Indices:
-        """Numbers of the samples of approach or retraction, in the order in which they were measured."""
-        return np.flatnonzero(self.retract == retract)
+        """Numbers of the samples of approach or retraction, as they were measured; none where they are fewer than 8."""
+        found = np.flatnonzero((self.retract == retract) & ~self.pause)
+        return found if found.size >= LEAST else found[:0]
 
     def _check(self) -> None:
-        approach = self.leg(False)
-        if approach.size < LEAST:
-            much = f"{approach.size} of {len(self)} samples"
-            raise InputError(
-                f"curve: {much} on approach, without which there is no fit; the piezo position must grow towards the "
-                "surface (if it falls, give its negative), and what comes before its largest value is the approach "
-                "unless segment names it"
-            )
-        for retract, word in enumerate(WORDS):
-            leg = self.piezo[self.leg(bool(retract))]
+        if not self.leg(False).size + self.leg(True).size:
+            much = f"{len(self) - int(self.pause.sum())} samples on approach and retraction, the others in pauses"
+            raise InputError(f"curve: {much}; must be at least {LEAST} on one of them")
+        for word, sense, way in (("approach", "grow", 1.0), ("retract", "fall", -1.0)):
+            leg = way * self.piezo[self.leg(word == "retract")]
             if leg.size < 2 * LEAST:
                 continue
-            ways = (1 - 2 * retract) * np.diff([float(part.mean()) for part in np.array_split(leg, LEAST)])
-            if not np.median(ways) > STEADY * abs(float(ways.mean())):
-                sense = "grow" if not retract else "fall"
+            ways = np.diff([float(part.mean()) for part in np.array_split(leg, LEAST)])
+            # where nothing goes back, steps, pauses and dense parts are steady
+            if ways.sum() <= 0.0 or (ways.min() < 0.0 and np.median(ways) <= STEADY * ways.mean()):
                 raise InputError(
                     f"curve: the piezo position does not {sense} steadily on {word}; are columns swapped, or does it "
                     "grow away from the surface (then give its negative)?"
                 )
 
 
-def _stiffness(spring: object) -> float:
+def _order(drive: Array, retract: Flags, pause: Flags) -> Indices:
+    """Numbers of the samples with a leg turned round that alone runs the other way than it should."""
+    order = np.arange(drive.size)
+    legs = [np.flatnonzero((retract == back) & ~pause) for back in (False, True)]
+    if min(leg.size for leg in legs) >= LEAST:
+        ends = [np.array_split(drive[leg], LEAST) for leg in legs]
+        wrong = [way * (parts[-1].mean() - parts[0].mean()) < 0 for way, parts in zip((1, -1), ends, strict=True)]
+        if sum(wrong) == 1:
+            leg = legs[wrong.index(True)]
+            order[leg] = leg[::-1]
+    return order
+
+
+def stiffness_of(spring: object) -> float:
+    """A stiffness in nN/nm."""
     return positive_number(parse(spring, "stiffness", "spring"), "spring")
 
 
-def _column(values: ArrayLike, name: str, unit: str | None) -> Array:
+def scale(name: str, unit: str, sensitivity: Quantity = None) -> float:
+    """One `unit` of a column in nm or nN; of a deflection in volts with the sensitivity."""
+    if name != "deflection" or is_unit(unit):
+        return parse(f"1 {unit}", COLUMNS[name], f"curve: unit of {name}")
+    text = f"{sensitivity} nm/V" if isinstance(sensitivity, float | int) else sensitivity
+    try:
+        return positive_number(parse(f"{text}*{unit}", "length", ""), "")
+    except InputError:
+        said = "missing" if sensitivity is None else repr(sensitivity)
+        example = f"must be a length above zero per {unit}, such as '50 nm/{unit}'"
+        raise InputError(f"sensitivity: {said}; {example}") from None
+
+
+def _column(values: ArrayLike, name: str, unit: str | None, sensitivity: Quantity) -> Array:
     """Values in nm or nN."""
     try:
         found = np.array(values, dtype=float).ravel()
@@ -176,7 +217,7 @@ def _column(values: ArrayLike, name: str, unit: str | None) -> Array:
     if wrong:
         raise InputError(f"curve: {wrong} of {found.size} values of {name} are not finite; leave those samples out")
     if unit is not None:
-        found *= parse(f"1 {unit}", COLUMNS[name], f"curve: unit of {name}")
+        found *= scale(name, unit, sensitivity)
     change, unit, other = float(np.ptp(found)), *(("nN", "N") if name == "force" else ("nm", "m"))
     if 0.0 < change < METRES[name]:
         raise InputError(
@@ -186,15 +227,37 @@ def _column(values: ArrayLike, name: str, unit: str | None) -> Array:
     return found
 
 
-def _retract(segment: Sequence[Any] | AnyArray | None, drive: Array) -> Flags:
-    """Which samples belong to the retraction."""
-    if segment is None:
-        return np.arange(drive.size) > int(np.argmax(drive))
+def _named(segment: Sequence[Any] | AnyArray, count: int) -> tuple[Flags, Flags]:
+    """Which samples belong to the retraction, and which to a pause, as they are named."""
     words = np.asarray(segment).ravel()
-    if words.size != drive.size:
-        raise InputError(f"curve: {words.size} values of segment and {drive.size} positions; must be as many")
+    if words.size != count:
+        raise InputError(f"curve: {words.size} values of segment and {count} positions; must be as many")
     texts = np.char.lower(np.char.strip(words.astype(str)))
-    known = np.isin(texts, ("approach", "retract", "0", "1", "false", "true"))
+    approach, retract, pause = (np.isin(texts, known) for known in WORDS.values())
+    known = approach | retract | pause
     if not known.all():
-        raise InputError(f"curve: segment {str(texts[~known][0])!r}; must be approach or retract")
-    return np.isin(texts, ("retract", "1", "true"))
+        raise InputError(f"curve: segment {str(texts[~known][0])!r}; must be {', '.join(WORDS)}, 0 or 1")
+    return retract, pause
+
+
+def _split(drive: Array, force: Array) -> tuple[Flags, Flags]:
+    """Which samples belong to the retraction, and which to a pause, as the drive moves.
+
+    What lies between the first and the last sample at the turn, as far as noise takes positions at rest apart, is a
+    pause if it is more than a drive that does not stop would pass.
+    """
+    back = drive[0] + drive[-1] > drive.max() + drive.min()  # it begins and ends close to the surface
+    way, number = -drive if back else drive, np.arange(drive.size)
+    turn, bends = int(np.argmax(way)), np.abs(np.diff(way, 2)) / (0.6745 * math.sqrt(6.0))
+    beside = (bends[max(turn - 4 * LEAST, 0) : turn], bends[turn : turn + 4 * LEAST])
+    apart = 2 * max(float(np.median(part)) for part in beside if part.size) * math.sqrt(2 * math.log(drive.size))
+    passed = 2 * apart * drive.size / max(float(2 * way.max() - way[0] - way[-1]), 1e-300)
+    first, last = np.flatnonzero(way >= way.max() - apart)[[0, -1]]
+    if last - first - 1 <= LEAST + passed:
+        first, last = turn, turn + 1
+    retract, pause = number <= first if back else number >= last, (number > first) & (number < last)
+    low, high = (float(force[part].mean()) for part in np.split(np.argsort(drive), (LEAST, -LEAST))[::2])
+    if low > high and (back or first + 1 < LEAST):  # nothing approaches the surface before it leaves
+        said = "the force is larger where the piezo position is smaller, which must grow towards the surface"
+        raise InputError(f"curve: {said}: give its negative (piezo=-NAME), or name the legs with segment")
+    return retract, pause

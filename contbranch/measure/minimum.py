@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import scipy
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Indices
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.measure.comparison import Comparison, Leg, legs
-from contbranch.measure.features import features
+from contbranch.measure.features import NEIGHBOURS, SEEN, features, straight_line
 from contbranch.measure.force_curve import ForceCurve
-from contbranch.measure.quantities import Problem, State
+from contbranch.measure.quantities import LINEAR, Problem, State
 from contbranch.measure.reduced import curve_of
 from contbranch.watch import INTERRUPTIONS, caught, check, finishing
 
@@ -27,10 +28,10 @@ ROBUST = 3.0
 MISFIT, LONG = 1.25, 2.0
 # Numbers of parts over which means are taken to see slow residuals.
 PARTED = (64, 32, 16)
-# Room that an unknown has which is held.
-HELD = 1e-7
 # Relative steps of derivatives.
 STEP = 3e-4
+# What MINPACK says where it has come to no minimum with the evaluations allowed.
+OUT_OF_EVALUATIONS = 5
 # Parts of the approach in which its slope in contact is looked for, the first one with a relative error below this.
 PARTS, SURE = (25, 12, 6, 3), 0.1
 
@@ -47,6 +48,7 @@ class Minimum:
     slopes: Array
     converged: bool
     spread: float
+    noise: float
     others: tuple[Array, ...] = ()
     near: tuple[tuple[Array, float], ...] = ()
 
@@ -64,6 +66,34 @@ class Minimum:
     def values(self) -> Array:
         """The numbers where it has ended."""
         return self.problem.numbers(self.x)
+
+    @cached_property
+    def deviation(self) -> float:
+        """Standard deviation that independent residuals would have, were there as many as they are worth."""
+        own = self.forces
+        size = 1.4826 * float(np.median(np.abs(own)))
+        if size <= MISFIT * self.noise:  # the model's curve: all but outliers tell of the noise
+            clipped = np.clip(own, -ROBUST * size, ROBUST * size)
+            size = math.sqrt(float(clipped @ clipped) / max(own.size - self.x.size, 1))
+        length = correlation_length(own[np.argsort(self.comparison.samples)])
+        return max(size, self.noise * 0.5) * math.sqrt(length if length > LONG else 1.0)
+
+    @cached_property
+    def inverse(self) -> tuple[Array, bool]:
+        """Covariance of the unknowns by robust weights and the residuals' size, and whether it could not be had."""
+        weights = 1.0 / (1.0 + (self.residuals / ROBUST) ** 2) ** 0.75
+        slopes = self.slopes * np.sqrt(weights)[:, None]
+        size = np.linalg.norm(slopes, axis=0)
+        size = np.where(size > 0, size, 1e-12)
+        _, singular, rows = np.linalg.svd(np.linalg.qr(slopes / size, mode="r"))
+        floor = 1e-9 * singular[0]
+        inverse = (rows.T / np.maximum(singular, floor) ** 2) @ rows / np.outer(size, size)
+        return inverse * max(self.deviation / self.spread, 0.8) ** 2, bool(singular[-1] < floor)
+
+    @property
+    def errors(self) -> Array:
+        """Standard deviations of the unknowns."""
+        return errors_of(self.inverse[0])
 
 
 class Minimiser:
@@ -86,33 +116,41 @@ class Minimiser:
         If the curve has nothing to fit, or its spring's stiffness is missing.
     """
 
-    def __init__(self, curve: ForceCurve, adhesive: bool) -> None:
+    def __init__(
+        self, curve: ForceCurve, adhesive: bool, legs: Sequence[bool] = (False, True), suspect: bool = False
+    ) -> None:
         self.curve, self.evaluations = curve, 0
-        self.seen = features(curve, adhesive=adhesive)
+        self.seen = features(curve, adhesive, legs, suspect)
         self.samples = Comparison.of(curve, self.seen)
         if not curve.rigid and curve.spring is None:
             raise InputError("spring: missing; give the stiffness of the cantilever, such as '0.5 N/m'")
         self.stiffness = math.inf if curve.spring is None else curve.spring
 
     def slope(self) -> tuple[float, float]:
-        """Slope of the force where the tip is pressed most, on approach, and its error by the noise.
+        """Slope of the force where the tip is pressed most, on approach if there is one, and its error by the noise.
 
         The part looked at is as small as the noise allows.
         """
-        leg = self.curve.leg(False)
+        leg = next(leg for back in (False, True) if (leg := self.used(back)).size)
         order = leg[np.argsort(self.curve.piezo[leg])]
         for share in PARTS:
             top = order[-max(5, leg.size // share) :]
             piezo = self.curve.piezo[top]
-            error = self.seen.noise / max(float(np.std(piezo)) * math.sqrt(top.size), 1e-300)
-            slope = abs(float(np.polyfit(piezo, self.curve.force[top], 1)[0]))
+            _, rise, error = straight_line(piezo, self.curve.force[top])
+            slope, error = abs(rise), error * self.seen.noise
             if error < SURE * slope:
                 break
         return slope, error
 
+    def used(self, retract: bool) -> Indices:
+        """Numbers of the samples of a leg that are fitted."""
+        leg = self.curve.leg(retract)
+        return leg[self.seen.used[leg]]
+
     def legs(self, problem: Problem, state: State) -> tuple[Leg, Leg]:
         """Approach and retraction of the model."""
-        largest = (self.seen.largest + 3 * self.seen.noise) * max(state.sensitivity, 1.0) * 1.1
+        beyond = 1.1 if self.seen.begun or self.seen.returned else 2.0  # the load is known from the baseline
+        largest = (self.seen.largest + 3 * self.seen.noise) * max(state.sensitivity, 1.0) * beyond
         if self.curve.deflected:
             largest *= max(1.0, state.spring / self.stiffness)
         return _legs_of(state.contact, largest, problem.limit, state.spring)
@@ -122,26 +160,13 @@ class Minimiser:
         bent = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
         return bent / state.sensitivity
 
-    def model(self, problem: Problem, x: Array, comparison: Comparison) -> tuple[Array, Array]:
-        """The recorded force at the samples, and how far the jumps are from their places."""
-        state = problem.state(x)
-        place, baseline, tilt = state.line
-        pair = self.legs(problem, state)
-        force = comparison.forces(*pair, place) * self.gain(state) + baseline
-        return force + tilt * self.curve.piezo[comparison.samples], comparison.places(*pair, place)
-
-    def residuals(self, problem: Problem, comparison: Comparison, spread: float) -> Callable[[Array], Array]:
-        """Differences of force and of places of jumps in standard deviations."""
-        measured = self.curve.force[comparison.samples]
-        wide = max(1.0, spread / self.seen.noise / math.sqrt(len(measured)))
-
-        def residuals(x: Array) -> Array:
-            check()
-            self.evaluations += 1
-            force, places = self.model(problem, x, comparison)
-            return np.append((force - measured) / spread, places / wide)
-
-        return residuals
+    def model(self, problem: Problem, x: Array, comparison: Comparison) -> tuple[Array, Array, Array]:
+        """The recorded force at the samples, its slope, and how far the jumps are from their places."""
+        state, samples = problem.state(x), comparison.samples
+        pair, place, gain = self.legs(problem, state), state.line[0], self.gain(state)
+        force, slope = comparison.forces(*pair, place)
+        lines = state.baseline(self.curve.piezo[samples], self.curve.retract[samples])
+        return force * gain + lines, slope * gain, comparison.places(*pair, place)
 
     def minimised(
         self,
@@ -153,6 +178,8 @@ class Minimiser:
     ) -> Minimum:
         """A minimum from a start, with a standard deviation and a number of evaluations; one unknown may be held.
 
+        The sum of squares of robust residuals is least (J. J. Moré 1978, as in MINPACK).
+
         Raises
         ------
         ModelError
@@ -160,78 +187,130 @@ class Minimiser:
         """
         spread, evaluations = limits
         low, high = problem.bounds()
-        if held is not None:
-            low[held], high[held] = x[held] - HELD, x[held] + HELD
-        residuals = self.residuals(problem, comparison, spread)
+        varied = np.arange(x.size) != (-1 if held is None else held)
+        measured, wide = self.curve.force[comparison.samples], self._wide(comparison, spread)
+        known: tuple[Array, Array, Array] | None = None  # vector, residuals and slopes where it has come to
+        last: dict[bytes, tuple[Array, Array]] = {}  # MINPACK asks for derivatives where it has just been
 
-        def slopes(at: Array) -> Array:
-            length = problem.state(at).contact.scales.normal
-            steps = STEP * np.array([length if name == "contact_point" else 1.0 for name in problem.names])
-            steps = np.where(at + steps < high, steps, -steps)
-            base = residuals(at)
-            found = np.array([(residuals(at + step) - base) / step.sum() for step in np.diag(steps)]).T
-            known[:] = [(at.copy(), base, found)]
-            return found
+        def placed(part: Array) -> Array:
+            at = x.copy()
+            at[varied] = part
+            return np.clip(at, low, high)
 
-        known: list[tuple[Array, Array, Array]] = []  # where it has come to
-        reached = np.clip(x, low, high)
+        def residuals(at: Array) -> tuple[Array, Array]:
+            if at.tobytes() not in last:
+                check()
+                self.evaluations += 1
+                force, slope, places = self.model(problem, at, comparison)
+                last.clear()
+                last[at.tobytes()] = np.append((force - measured) / spread, places / wide), slope
+            return last[at.tobytes()]
+
+        def slopes(at: Array) -> tuple[Array, Array]:
+            base, slope = residuals(at)
+            found = self._known_slopes(problem, at, comparison, slope, (spread, wide))
+            for k, name in enumerate(problem.names):
+                if varied[k] and not found[:, k].any() and name not in LINEAR:
+                    step = STEP if at[k] + STEP < high[k] else -STEP
+                    found[:, k] = (residuals(moved(at, k, at[k] + step))[0] - base) / step
+            return base, found
+
+        def bent(part: Array) -> Array:
+            return np.asarray(_robust(residuals(placed(part))[0])[0])
+
+        def bent_slopes(part: Array) -> Array:
+            nonlocal known
+            at = placed(part)
+            base, found = slopes(at)
+            known = at, base, found
+            turned = (found * _robust(base)[1][:, None])[:, varied].T
+            turned[(part < low[varied]) | (part > high[varied])] = 0.0
+            return np.ascontiguousarray(turned)
+
+        settings: Any = {"col_deriv": True, "full_output": True, "ftol": 1e-8, "xtol": 1e-8, "maxfev": evaluations}
+        start = np.clip(x, low, high)[varied]
         try:
-            found = scipy.optimize.least_squares(
-                residuals,
-                reached.copy(),
-                jac=slopes,
-                bounds=(low, high),
-                x_scale=self._scale(problem, reached),
-                loss="soft_l1",
-                f_scale=ROBUST,
-                ftol=1e-9,
-                xtol=1e-9,
-                gtol=1e-9,
-                max_nfev=evaluations,
-            )
+            found, _, _, _, flag = scipy.optimize.leastsq(bent, start, Dfun=bent_slopes, **settings)
+            values, derivatives = slopes(placed(found))
+            at, converged = placed(found), flag != OUT_OF_EVALUATIONS
         except INTERRUPTIONS as error:
             caught(error)
             with finishing():
-                if not known:
-                    slopes(reached)
-            at, last, derivatives = known[0]
-            return Minimum(problem, comparison, at, loss(last), last, derivatives, False, spread)
-        last = np.asarray(found.fun)
-        return Minimum(problem, comparison, found.x, loss(last), last, slopes(found.x), found.status > 0, spread)
+                at = np.clip(x, low, high) if known is None else known[0]
+                values, derivatives = slopes(at) if known is None else known[1:]
+            converged = False
+        return Minimum(problem, comparison, at, loss(values), values, derivatives, converged, spread, self.seen.noise)
 
-    def _scale(self, problem: Problem, x: Array) -> Array:
-        """Sizes of steps that matter alike."""
-        length, noise = problem.state(x).contact.scales.normal, self.seen.noise
-        own = {"contact_point": 0.1 * length, "baseline": noise, "tilt": noise / float(np.ptp(self.curve.piezo))}
-        return np.array([own.get(name, 0.1) for name in problem.names])
+    def at(self, found: Minimum, spread: float) -> Array:
+        """The residuals of a minimum in other standard deviations."""
+        count = found.comparison.samples.size
+        wide = self._wide(found.comparison, found.spread) / self._wide(found.comparison, spread)
+        return np.append(found.forces / spread, found.residuals[count:] * wide)
+
+    def _wide(self, comparison: Comparison, spread: float) -> float:
+        """Standard deviation of the places of jumps, in that by the distance of samples."""
+        return max(1.0, spread / self.seen.noise / math.sqrt(comparison.samples.size))
+
+    def columns(self, problem: Problem, samples: Indices) -> dict[str, Array]:
+        """What baselines and tilts that are varied add to the force at samples, each being 1."""
+        retract, far = self.curve.retract[samples], self.curve.piezo[samples] - problem.middle
+        first, second = np.where(retract & problem.each, 0.0, 1.0), np.where(retract, 1.0, 0.0)
+        own: dict[str, Array] = {"baseline": first, "tilt": first * far}
+        own |= {"baseline_retract": second, "tilt_retract": second * far}
+        return {name: own[name] for name in problem.names if name in own}
+
+    def _known_slopes(
+        self, problem: Problem, x: Array, comparison: Comparison, slope: Array, widths: tuple[float, float]
+    ) -> Array:
+        """Derivatives of the residuals that need no other curve; zeros for all others.
+
+        With respect to contact point, baselines and tilts; and to the logarithm of the modulus where nothing attracts:
+        at F = E f(d) and z = d + F/K it is F (1 − F′(z)/K).
+        """
+        samples, (spread, wide) = comparison.samples, widths
+        own, state = self.columns(problem, samples), problem.state(x)
+        pair, place, step = self.legs(problem, state), state.line[0], STEP * state.contact.scales.normal
+        places = (comparison.places(*pair, place + step) - comparison.places(*pair, place)) / step
+        found = np.zeros((samples.size + places.size, x.size))
+        for k, name in enumerate(problem.names):
+            if name == "contact_point":
+                found[:, k] = np.append(-slope / spread, places / wide)
+            elif name in own:
+                found[: samples.size, k] = own[name] / spread
+            elif name == "modulus" and state.contact.interaction is None:
+                gain, force = self.gain(state), comparison.forces(*pair, place)[0]
+                found[: samples.size, k] = gain * force * (1.0 - slope / gain / state.spring) / spread
+        return found
 
     def labelled(self, found: Minimum) -> Comparison:
         """The samples on the branches on which a fit puts them."""
         state = found.problem.state(found.x)
-        place, baseline, tilt = state.line
-        own = (self.curve.force - baseline - tilt * self.curve.piezo) / self.gain(state)
-        return self.samples.labelled(*self.legs(found.problem, state), place, own)
+        own = (self.curve.force - state.baseline(self.curve.piezo, self.curve.retract)) / self.gain(state)
+        return self.samples.labelled(*self.legs(found.problem, state), state.line[0], own)
 
-    def spread(self, found: Minimum) -> float:
-        """Standard deviation that independent residuals would have, were there as many as they are worth."""
-        own = found.forces
-        size = 1.4826 * float(np.median(np.abs(own)))
-        if size <= MISFIT * self.seen.noise:  # the model's curve: all but outliers tell of the noise
-            clipped = np.clip(own, -ROBUST * size, ROBUST * size)
-            size = math.sqrt(float(clipped @ clipped) / max(own.size - found.x.size, 1))
-        length = correlation_length(own[np.argsort(found.comparison.samples)])
-        return max(size, self.seen.noise * 0.5) * math.sqrt(length if length > LONG else 1.0)
+    def beside_jumps(self, found: Minimum) -> float:
+        """The largest root mean square of what is left of the force on one side of a jump."""
+        rest = np.full(len(self.curve), math.nan)
+        rest[found.comparison.samples] = found.forces
+        largest = 0.0
+        for jump in (found.comparison.seen.jump_in, found.comparison.seen.pull_off):
+            for side in () if jump is None else (slice(max(jump.before - NEIGHBOURS, 0), jump.before + 1),
+                                                 slice(jump.after, jump.after + NEIGHBOURS)):  # fmt: skip
+                near = rest[side][np.isfinite(rest[side])]
+                largest = max(largest, float(np.sqrt(np.mean(near**2)))) if near.size else largest
+        return largest
 
-    def inverse(self, found: Minimum) -> tuple[Array, bool]:
-        """Covariance of the unknowns by robust weights and the residuals' size, and whether it could not be had."""
-        weights = 1.0 / (1.0 + (found.residuals / ROBUST) ** 2) ** 0.75
-        slopes = found.slopes * np.sqrt(weights)[:, None]
-        size = np.linalg.norm(slopes, axis=0)
-        size = np.where(size > 0, size, 1e-12)
-        _, singular, rows = np.linalg.svd(slopes / size, full_matrices=False)
-        floor = 1e-9 * singular[0]
-        inverse = (rows.T / np.maximum(singular, floor) ** 2) @ rows / np.outer(size, size)
-        return inverse * max(self.spread(found) / found.spread, 0.8) ** 2, bool(singular[-1] < floor)
+    def misfit(self, found: Minimum, *legs: bool) -> tuple[float, float]:
+        """Root mean squares of what the model leaves of the force in contact, outliers cut short, and of that force."""
+        state, samples = found.problem.state(found.x), found.comparison.samples
+        rest = found.forces
+        bare = self.curve.force[samples] + rest - state.baseline(self.curve.piezo[samples], self.curve.retract[samples])
+        pressed = (np.abs(bare) > SEEN * self.seen.noise) & np.isin(self.curve.retract[samples], legs or (False, True))
+        if not pressed.any():
+            return float(np.sqrt(np.mean(rest**2))), 0.0
+        rest, bare = rest[pressed], bare[pressed]
+        most = ROBUST * 1.4826 * float(np.median(np.abs(rest)))
+        return float(np.sqrt(np.mean(np.clip(rest, -most, most) ** 2))), float(np.sqrt(np.mean(bare**2)))
 
 
 @lru_cache(maxsize=2)
@@ -252,9 +331,16 @@ def errors_of(covariance: Array, least: float = 0.0) -> Array:
     return np.sqrt(np.maximum(np.diag(covariance), least))
 
 
+def _robust(residuals: Array) -> tuple[Array, Array]:
+    """Residuals whose sum of squares is the loss, and their derivatives."""
+    root = np.sqrt(1.0 + (residuals / ROBUST) ** 2)
+    cut = residuals * np.sqrt(2.0 / (1.0 + root))
+    return cut, np.sqrt(0.5 * (1.0 + root)) / root
+
+
 def loss(residuals: Array) -> float:
     """Sum of squares, those of large residuals cut short."""
-    return float(2 * ROBUST**2 * (np.sqrt(1 + (residuals / ROBUST) ** 2) - 1).sum())
+    return float((_robust(residuals)[0] ** 2).sum())
 
 
 def correlation_length(values: Array) -> float:

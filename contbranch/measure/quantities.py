@@ -8,13 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Flags
 from contbranch.contact.contact import Contact
 from contbranch.contact.parameters import parameters_of
 from contbranch.errors import InputError, look_up
 from contbranch.measure.reduced import TABOR, tabulated
 
 LINE = ("contact_point", "baseline", "tilt")
+# ... and of the retraction, where that has its own.
+RETRACTED = ("baseline_retract", "tilt_retract")
+LINEAR = (*LINE, *RETRACTED)
 INSTRUMENT = ("spring", "sensitivity")
 # Factors from the first guess within which a positive number may lie.
 WIDE, NARROW = 1e3, 5.0
@@ -33,12 +36,20 @@ class State:
         True deflection over the recorded one.
     line : (float, float, float)
         Contact point, baseline and tilt: the recorded force is ``F/sensitivity + baseline + tilt · piezo``.
+    retracted : (float, float)
+        Baseline and tilt of the retraction.
     """
 
     contact: Contact
     spring: float
     sensitivity: float = 1.0
     line: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    retracted: tuple[float, float] = (0.0, 0.0)
+
+    def baseline(self, piezo: Array, retract: Flags) -> Array:
+        """The straight lines below the samples."""
+        height, tilt = (np.where(retract, *pair) for pair in zip(self.retracted, self.line[1:], strict=True))
+        return height + tilt * piezo
 
 
 @dataclass(frozen=True)
@@ -57,6 +68,8 @@ class Problem:
         ``"jkr"`` or ``"dmt"``: without a range.
     guess : State or None
         Made from the curve: the middle of the bounds; by default the start.
+    each : bool
+        Whether the retraction has a baseline and a tilt of its own.
     """
 
     start: State
@@ -65,9 +78,12 @@ class Problem:
     middle: float = 0.0
     limit: str = ""
     guess: State | None = None
+    each: bool = False
 
     @classmethod
-    def of(cls, start: State, free: Sequence[str], fixed: Sequence[str], limit: str, middle: float) -> Problem:
+    def of(
+        cls, start: State, free: Sequence[str], fixed: Sequence[str], limit: str, middle: float, each: bool
+    ) -> Problem:
         """The problem of names that a user gives.
 
         Raises
@@ -85,12 +101,13 @@ class Problem:
         if "spring" in free and math.isinf(start.spring):
             raise InputError("free: spring; the curve has none, give its stiffness to start with")
         names = tuple(dict.fromkeys(name for name in free if not (limit and name == "range")))
-        return cls(start, names, tuple(fixed), middle, limit)
+        return cls(start, names, tuple(fixed), middle, limit, each=each)
 
     @property
     def names(self) -> tuple[str, ...]:
         """All that is varied."""
-        return (*self.free, *(name for name in LINE if name not in self.fixed))
+        straight = LINEAR if self.each else LINE
+        return (*self.free, *(name for name in straight if name.removesuffix("_retract") not in self.fixed))
 
     @property
     def by_tabor(self) -> bool:
@@ -112,12 +129,16 @@ class Problem:
             math.exp(numbers[name]) if name in numbers else getattr(self.start, name) for name in INSTRUMENT
         )
         place, baseline, tilt = (numbers.get(name, 0.0) for name in LINE)
-        return State(contact, spring, sensitivity, (place, baseline - tilt * self.middle, tilt))
+        own = [numbers.get(name, other) for name, other in zip(RETRACTED, (baseline, tilt), strict=True)]
+        lines = [(height - slope * self.middle, slope) for height, slope in ((baseline, tilt), own)]
+        return State(contact, spring, sensitivity, (place, *lines[0]), lines[1])
 
     def vector(self, state: State) -> Array:
         """The vector of a state."""
         known, (place, baseline, tilt) = parameters_of(state.contact), state.line
         own: dict[str, float] = {"contact_point": place, "baseline": baseline + tilt * self.middle, "tilt": tilt}
+        own |= {"baseline_retract": state.retracted[0] + state.retracted[1] * self.middle}
+        own |= {"tilt_retract": state.retracted[1]}
         own |= {name: math.log(getattr(state, name)) for name in INSTRUMENT}
         own |= {name: math.log(abs(one.value)) for name, one in known.items() if one.value}
         if self.by_tabor:
@@ -128,7 +149,7 @@ class Problem:
         """Bounds around the guess."""
         centre = self.vector(self.guess or self.start)
         width = {"spring": math.log(NARROW), "sensitivity": math.log(NARROW), "radius": math.log(30.0)}
-        spread = np.array([math.inf if name in LINE else width.get(name, math.log(WIDE)) for name in self.names])
+        spread = np.array([math.inf if name in LINEAR else width.get(name, math.log(WIDE)) for name in self.names])
         low, high = centre - spread, centre + spread
         if self.by_tabor:
             k = self.names.index("range")
@@ -140,6 +161,7 @@ class Problem:
         state = self.state(x)
         own: dict[str, float] = {name: one.value for name, one in parameters_of(state.contact).items()}
         own |= {"spring": state.spring, "sensitivity": state.sensitivity, **dict(zip(LINE, state.line, strict=True))}
+        own |= dict(zip(RETRACTED, state.retracted, strict=True))
         return {name: own[name] for name in self.names}
 
     def numbers(self, x: Array) -> Array:

@@ -1,30 +1,45 @@
-"""Force curves from files and folders: CSV, and what afmformats reads (.ibw, .jpk-force, …)."""
+"""Force curves from files and folders: tables of text, and what afmformats reads (.ibw, .jpk-force, …)."""
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import redirect_stderr
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from contbranch.arrays import AnyArray
+from contbranch.arrays import AnyArray, Array
 from contbranch.contact.text import as_path
 from contbranch.contact.units import Quantity, parse
 from contbranch.errors import InputError
-from contbranch.measure.force_curve import COLUMNS, ForceCurve
+from contbranch.measure.force_curve import COLUMNS, ForceCurve, scale, stiffness_of
+
+# Names of a text's columns by what they hold: one text, ``piezo=NAME,force=NAME``, or a mapping.
+Names = str | Mapping[str, str] | None
 
 _POSITION: tuple[str, ...] = ("x", "y")
-_HEADING = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
+_OWN = {role: role for role in (*COLUMNS, "segment", "curve", *_POSITION)}
+_HEADING = re.compile(r"(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?")
 _TEXTS = (".csv", ".txt", ".tsv", ".dat")
 _INSTRUMENTS = (".ibw", ".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".h5", ".tab", ".zip")
+# Columns of texts that instruments export: Optics11, NanoScope, and JPK, whose heights fall towards the surface.
+_RAMPS = ",".join(f"piezo=Calc_Ramp_{leg}_nm [nm],deflection=Defl_{{0}}_{leg} [{{0}}]" for leg in ("Ex", "Rt"))
+_HEIGHTS = ("smoothedMeasuredHeight", "measuredHeight", "smoothedStrainGaugeHeight", "strainGaugeHeight", "height")
+_EXPORTS = ["piezo=Piezo (nm),deflection=Cantilever (nm)", *map(_RAMPS.format, ("nm", "V"))]
+_EXPORTS += [f"force=vDeflection,piezo=-{height}" for height in _HEIGHTS]
+_SPRING = re.compile(r"(?:k \(N/m\)|# springConstant:)\s+([\d.,eE+-]+)")
+# What a file may lack, and how it is given.
+_MISSING = {"spring constant": "--spring '0.5 N/m'", "sensitivity": "--sensitivity '50 nm/V'"}
+# A segment that moves by a smaller share of the way of the piezo is a pause: creep 0.05 in measured files, legs 0.7.
+HELD = 0.1
 # Places in a map that are said in names of files: numbers, each behind a separator if there is one.
 _NUMBER = r"[_ ]?(-?\d+(?:[.,]\d+)?)"
 _NAMED = (
@@ -34,6 +49,8 @@ _NAMED = (
 
 # Places in a map, and what makes the curves there.
 _Makers = list[tuple[dict[str, float], Callable[..., ForceCurve]]]
+# Of a column by what it holds: its place in a row, its sign and its unit.
+_Places = dict[str, tuple[int, float, str]]
 
 
 @dataclass(frozen=True)
@@ -49,60 +66,97 @@ class Unread:
         return {**self.place, "error": str(self.error)}
 
 
-def read_force_curve(path: str | Path, spring: Quantity = None, number: int = 0) -> ForceCurve:
+@dataclass(frozen=True)
+class _File:
+    """A file, and how it is to be read."""
+
+    path: Path
+    spring: Quantity
+    sensitivity: Quantity
+    columns: Names
+
+    def curve(self, told: object, **columns: Any) -> ForceCurve:
+        """A curve; its forces are those of the spring that its file tells, if it does, and change with another."""
+        first = self.spring if told is None else stiffness_of(told)
+        curve = ForceCurve(spring=first, deflected=told is not None, source=str(self.path), **columns)
+        return curve.with_spring(self.spring)
+
+
+def read_force_curve(
+    path: str | Path, spring: Quantity = None, number: int = 0, *, sensitivity: Quantity = None, columns: Names = None
+) -> ForceCurve:
     """Read a force curve.
 
     Parameters
     ----------
     path : str or Path
-        A CSV file with a header such as ``piezo [nm],force [nN]`` (or `tip` for `piezo`, `deflection` for `force`), and
-        if it has them columns `segment` and `curve`; or a file of an instrument that afmformats can read.
+        A text with columns such as ``piezo [nm],force [nN]`` (or `tip` for `piezo`, `deflection` for `force`), and with
+        `segment`, `curve`, `x` and `y` if it has them; or a file of an instrument: what afmformats can read, and texts
+        that JPK, Optics11 and NanoScope export.
     spring : float or str, optional
-        Stiffness of the cantilever, in place of that in the file.
+        Stiffness of the cantilever, in place of that in the file. What an instrument calls a force is its deflection
+        times the stiffness in its file, and changes with it; a column `force` of a table does not.
     number : int
         Which curve of a map, from 0.
+    sensitivity : float or str, optional
+        Deflection by voltage, such as ``"50 nm/V"``, where a deflection is in volts; or in place of the one in a file
+        of an instrument, whose deflections and forces change with it.
+    columns : str or mapping, optional
+        What the columns of a text hold: ``"piezo=Height (nm),deflection=Defl (V)"``, names from a line anywhere in it;
+        piezo, tip, force, deflection, segment, curve, x or y. A minus reverses a column, as heights that fall towards
+        the surface need: ``piezo=-Height (nm)``. Units are those in brackets, of a line of units below the names, or
+        added: ``piezo=Ramp_nm [nm]``. Where approach and retraction lie side by side, both are named, one after the
+        other: ``piezo=Z ex,force=F ex,piezo=Z rt,force=F rt``.
 
     Raises
     ------
     InputError
         If the file cannot be read, or is no force curve.
     """
-    found = read_force_curves(path, spring)
+    found = read_force_curves(path, spring, sensitivity=sensitivity, columns=columns)
     if not -len(found) <= number < len(found):
         raise InputError(f"number: {number}; '{path}' holds {len(found)} curves, counted from 0")
     return found[number]
 
 
-def read_force_curves(path: str | Path, spring: Quantity = None) -> list[ForceCurve]:
+def read_force_curves(
+    path: str | Path, spring: Quantity = None, *, sensitivity: Quantity = None, columns: Names = None
+) -> list[ForceCurve]:
     """Read all force curves of a file, such as a map's, or of the files in a folder; see `read_force_curve`."""
     found = []
-    for one in curves_in(path, spring):
+    for one in curves_in(path, spring, sensitivity, columns):
         if isinstance(one, Unread):
             raise one.error
         found.append(one)
     return found
 
 
-def curves_in(path: str | Path, spring: Quantity = None) -> Iterator[ForceCurve | Unread]:
+def curves_in(
+    path: str | Path, spring: Quantity = None, sensitivity: Quantity = None, columns: Names = None
+) -> Iterator[ForceCurve | Unread]:
     """The curves of a file or folder, those that are none among them; files in the order of the numbers in their names.
+
+    Of a folder, a file with an unusual suffix is passed over if it is no curve.
 
     Raises
     ------
     InputError
-        If there is no such file, or nothing in the folder has a known suffix.
+        If there is no such file, or no curve in the folder and nothing with a usual suffix.
     """
-    path = as_path(path, "curve")
+    path, usual = as_path(path, "curve"), (*_TEXTS, *_INSTRUMENTS)
     if path.is_dir():
-        files = [one for one in path.iterdir() if one.is_file() and one.suffix.lower() in (*_TEXTS, *_INSTRUMENTS)]
-        if not files:
-            raise InputError(
-                f"curve: no file in '{path}' is one of force curves ({', '.join((*_TEXTS, *_INSTRUMENTS))})"
-            )
+        files = [one for one in path.iterdir() if one.is_file() and not one.name.startswith(".")]
         files.sort(key=lambda one: [int(k) if k.isdecimal() else k for k in re.split(r"(\d+)", one.name)])
+        there = False
         for file, place in zip(files, _named([one.stem for one in files]), strict=True):
-            yield from _in_file(file, spring, place)
+            found = list(_in_file(_File(file, spring, sensitivity, columns), place))
+            if file.suffix.lower() in usual or not isinstance(found[0], Unread):
+                there = True
+                yield from found
+        if not there:
+            raise InputError(f"curve: no file in '{path}' is one of force curves ({', '.join(usual)})")
     elif path.is_file():
-        yield from _in_file(path, spring, {})
+        yield from _in_file(_File(path, spring, sensitivity, columns), {})
     else:
         raise InputError(f"curve: '{path}' is not a file")
 
@@ -123,110 +177,243 @@ def _named(stems: Sequence[str]) -> list[dict[str, float]]:
     ]
 
 
-def _in_file(path: Path, spring: Quantity, place: dict[str, float]) -> Iterator[ForceCurve | Unread]:
+def _in_file(file: _File, place: dict[str, float]) -> Iterator[ForceCurve | Unread]:
+    def unread(error: InputError, where: dict[str, float]) -> Unread:
+        source = str(file.path)
+        return Unread(error if source in str(error) else InputError(f"{error} ('{source}')"), where, source)
+
     try:
-        makers = (_of_table if path.suffix.lower() in _TEXTS else _of_instrument)(path, spring)
+        lines = _lines(file.path)
+        makers = _of_table(file, lines) or _of_instrument(file, lines)
     except InputError as error:
-        yield Unread(error, place, str(path))
+        yield unread(error, place)
         return
     for own, make in makers:
         try:
             yield make(place=place | own)
         except InputError as error:
-            said = error if str(path) in str(error) else InputError(f"{error} ('{path}')")
-            yield Unread(said, place | own, str(path))
+            yield unread(error, place | own)
 
 
-def _of_table(path: Path, spring: Quantity) -> _Makers:
+def _lines(path: Path) -> list[str]:
+    """Lines of a file if it is a text."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        with path.open("rb") as file:
+            content = b"" if b"\0" in (begin := file.read(1024)) else begin + file.read()
+    except OSError as error:
         raise InputError(f"curve: '{path}' cannot be read ({error})") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if len(lines) < 2:
-        raise InputError(f"curve: '{path}' is empty; must have a header such as piezo [nm],force [nN] and rows")
-    delimiter = max(",;\t", key=lines[0].count)
-    heading, *rows = csv.reader(lines, delimiter=delimiter)
-    headings = [_HEADING.fullmatch(cell) for cell in heading]
-    names = [match[1].lower() if match else "" for match in headings]
-    if not {"piezo", "tip"} & set(names) or not {"force", "deflection"} & set(names):
-        listed = ", ".join(filter(None, names))
-        nameless = f"no names of columns in its first line, {lines[0].strip()[:40]!r}"
-        said = f"the columns {listed}" if listed else nameless
-        raise InputError(f"curve: '{path}' has {said}; needs piezo (or tip) and force")
-    if twice := sorted({name for name in names if name and names.count(name) > 1}):
-        raise InputError(f"curve: '{path}' has more than one column {twice[0]}; leave one")
-    for k, row in enumerate(rows, start=2):
-        if any(cell.strip() for cell in row[len(names) :]):
-            raise InputError(
-                f"curve: '{path}', row {k} has {len(row)} values for {len(names)} columns; decimal commas need another "
-                "separator, such as a semicolon"
-            )
-    decimal = "." if delimiter == "," else ","
-    columns: dict[str, AnyArray] = {}
-    for place, name in enumerate(names):
-        if name in ("segment", "curve", *COLUMNS, *_POSITION):
-            kind = str if name in ("segment", "curve") else float
-            columns[name] = np.array([_cell(row, place, f"'{path}', row {k}: {name}", kind, decimal)
-                                      for k, row in enumerate(rows, start=2)])  # fmt: skip
-    units = {name: match[2] for name, match in zip(names, headings, strict=True) if match and match[2]}
-    where = {name: columns.pop(name) for name in _POSITION if name in columns}
-    for name, values in where.items():
-        values *= parse(f"1 {units.pop(name, 'nm')}", "length", f"curve: unit of {name}")
-    units = {name: unit for name, unit in units.items() if name in COLUMNS}
-    maps = columns.pop("curve", np.zeros(len(rows)))
-    found: _Makers = []
+    if not begin.strip():
+        raise InputError(f"curve: '{path}' is empty")
+    try:
+        return content.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:  # of Windows
+        return content.decode("latin-1").splitlines()
+
+
+def _legs_by_way(piezo: Array, segment: AnyArray) -> AnyArray | None:
+    """Names of legs and pauses by how the piezo moves in the segments of a file; None for a single segment.
+
+    It still moves on for some samples after it was told to turn: they are in neither leg, whose fits they worsen.
+    """
+    numbers, way = np.unique(segment), np.arange(piezo.size) - np.argmax(piezo)
+    words = np.full(piezo.size, "approach")
+    for own in (segment == number for number in numbers):
+        share = (piezo[own][-1] - piezo[own][0]) / max(float(np.ptp(piezo)), 1e-300)
+        words[own] = "pause" if abs(share) < HELD else "approach" if share > 0.0 else "retract"
+    if words[-1] != "approach":
+        words[((words == "approach") & (way > 0)) | ((words == "retract") & (way < 0))] = "pause"
+    return words if numbers.size > 1 else None
+
+
+# Texts
+
+
+def _legs_named(columns: str | Mapping[str, str]) -> list[dict[str, str]]:
+    """Names of columns by what they hold; two where approach and retraction lie side by side."""
+    text = columns if isinstance(columns, str) else ",".join(map("=".join, columns.items()))
+    parts = [part.partition("=") for part in re.split(r",\s*(?=\w+\s*=)", text)]
+    pairs = [(role.strip(), name.strip()) for role, _, name in parts]
+    first, last = dict(reversed(pairs)), dict(pairs)
+    if not _enough(first) or not all(role in _OWN and name for role, name in pairs):
+        wanted = f"piezo=NAME,force=NAME with names in the file, of {', '.join(_OWN)}"
+        raise InputError(f"columns: {text!r}; must be {wanted}")
+    return [first] if first == last else [first, last]
+
+
+def _enough(names: Mapping[str, object]) -> bool:
+    """Whether there is a position and a force."""
+    return bool({"piezo", "tip"} & set(names)) and bool({"force", "deflection"} & set(names))
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Cells of a line; where spaces are between them, a unit in brackets belongs to the name before it."""
+    own = re.sub(r"\s+(?=[\[(])", "", line).split() if delimiter == " " else line.split(delimiter)
+    return [cell.strip(' "') for cell in own]
+
+
+def _bare(cell: str) -> tuple[str, str]:
+    """A name in small letters, and the unit in brackets behind it."""
+    match = _HEADING.fullmatch(cell)
+    return (match[1].casefold(), match[2] or "") if match else ("", "")
+
+
+def _places(cells: Sequence[str], names: Mapping[str, str]) -> _Places:
+    """Where columns of these names are."""
+    found: dict[str, list[tuple[int, float, str]]] = {}
+    for role, name in names.items():
+        sign, (bare, unit) = -1.0 if name.startswith("-") else 1.0, _bare(name.lstrip("-"))
+        known = enumerate(zip(cells, map(_bare, cells), strict=True))
+        found[role] = [(k, sign, unit or own) for k, (cell, (one, own)) in known
+                       if (one == bare and unit in ("", own)) or cell.casefold() == bare]  # fmt: skip
+    if names is not _OWN and not all(found.values()):
+        return {}
+    if twice := [names[role] for role, among in found.items() if len(among) > 1]:
+        raise InputError(f"curve: more than one column {twice[0]}; leave one, or name it with its unit")
+    return {role: among[0] for role, among in found.items() if among}
+
+
+def _heading(file: _File, lines: Sequence[str]) -> tuple[int, str, int, list[_Places]] | None:
+    """The line with names that are known, what is between them, how many, and where those are that are needed."""
+    known = [[_OWN], *map(_legs_named, _EXPORTS)] if file.columns is None else [_legs_named(file.columns)]
+    first = {_bare(name.lstrip("-"))[0] for legs in known for role, name in legs[0].items() if role in ("piezo", "tip")}
+    some = [number for number, line in enumerate(lines) if any(name in line.casefold() for name in first)]
+    for delimiter, number, legs in product("\t;, ", some, known):
+        cells = _cells(lines[number].lstrip("# ").removeprefix("columns:"), delimiter)
+        places = [_places(cells, names) for names in legs]
+        below = next((line for line in lines[number + 1 :] if line.strip() and not line.startswith("#")), "")
+        if all(map(_enough, places)) and (delimiter != " " or len(cells) == len(below.split())):  # and no sentence
+            return number, delimiter, len(cells), places
+    if lines and file.columns is not None:
+        raise _unknown(file, lines)
+    return None
+
+
+def _of_table(file: _File, lines: list[str]) -> _Makers:
+    """Curves of a text with names of columns that are known; none of another."""
+    if (heading := _heading(file, lines)) is None:
+        return []
+    number, delimiter, width, legs = heading
+    told = next((match[1].replace(",", ".") for line in lines if (match := _SPRING.match(line))), None)
+    units = next((line.split()[2:] for line in lines if line.startswith("# units:")), [])
+    segment, rows = 0, list[tuple[str, int, list[str]]]()
+    for k, line in enumerate(lines, start=1):
+        segment += line.startswith("# segment:")
+        if k <= number + 1 or not line.strip() or line.lstrip().startswith("#"):
+            continue
+        row, cells = f"'{file.path}', row {k}", _cells(line, delimiter)
+        if any(cells[width:]):
+            much = f"{row} has {len(cells)} values for {width} columns"
+            raise InputError(f"curve: {much}; decimal commas need another separator, such as a semicolon")
+        rows.append((row, segment, cells))
+    if rows and not re.search(r"\d", "".join(rows[0][2])):
+        units = [cell.strip("[]()") for cell in rows.pop(0)[2]]
+    if not rows:
+        raise InputError(f"curve: '{file.path}' has no rows below the names of its columns")
+    both = [(row, leg or segment, cells, places) for leg, places in enumerate(legs) for row, segment, cells in rows
+            if len(legs) == 1 or all(any(cells[place : place + 1]) for place, *_ in places.values())]  # fmt: skip
+    columns: dict[str, AnyArray] = {"segment": np.array([segment for _, segment, *_ in both])}
+    for role in legs[0]:
+        decimal = None if role in ("segment", "curve") else "." if delimiter == "," else ","
+        found = [_cell(cells, places[role], f"{row}: {role}", decimal) for row, _, cells, places in both]
+        columns[role] = np.array(found)
+    unit_of = {role: unit or "".join(units[place : place + 1]) for role, (place, _, unit) in legs[0].items()}
+    if unit_of.get("force") in ("m", "V"):  # of JPK
+        columns["deflection"], unit_of["deflection"] = columns.pop("force"), unit_of.pop("force")
+    known = {role: unit_of[role] for role in COLUMNS if unit_of.get(role)}
+    maps = columns.pop("curve", np.zeros(len(both)))
+    makers: _Makers = []
     for part in (np.flatnonzero(maps == one) for one in dict.fromkeys(maps.tolist())):
-        own = {name: values[part] for name, values in columns.items()}
-        place_of = {name: float(values[part[0]]) for name, values in where.items()}
-        found.append((place_of, partial(ForceCurve, spring=spring, units=units, source=str(path), **own)))
-    return found
+        own: dict[str, Any] = {role: values[part] for role, values in columns.items()}
+        where = {role: parse(f"{own.pop(role)[0]} {unit_of[role] or 'nm'}", "length", f"curve: {role}")
+                 for role in _POSITION if role in own}  # fmt: skip
+        if len(legs) == 1 and "segment" not in legs[0]:
+            own["segment"] = _legs_by_way(own["piezo" if "piezo" in own else "tip"], own["segment"])
+        settings = {"units": known, "sensitivity": file.sensitivity}
+        makers.append((where, partial(file.curve, told and float(told), **settings, **own)))
+    return makers
 
 
-def _cell(row: list[str], place: int, what: str, kind: type, decimal: str) -> Any:
+def _cell(cells: list[str], place: tuple[int, float, str], what: str, decimal: str | None) -> Any:
     """A cell of a row: a text, or a number, of which there may be none."""
-    if place >= len(row):
-        raise InputError(f"curve: {what} is missing")
+    cell = "".join(cells[place[0] : place[0] + 1])
     try:
-        return row[place] if kind is str else float(row[place].replace(decimal, ".").strip() or "nan")
+        return cell if decimal is None else place[1] * float(cell.replace(decimal, ".") or "nan")
     except ValueError:
-        raise InputError(f"curve: {what} {row[place]!r} is not a number") from None
+        raise InputError(f"curve: {what} {cell!r} is not a number") from None
 
 
-def _of_instrument(path: Path, spring: Quantity) -> _Makers:
-    """Curves that afmformats reads: SI units, heights that fall towards the surface; split at the turn of the piezo."""
+def _unknown(file: _File, lines: Sequence[str]) -> InputError:
+    """That columns are not found; what they are called may be said in the line above the first numbers."""
+    first = next((k for k, line in enumerate(lines) if re.fullmatch(r"[\d.,;eE+\s-]*\d[\d.,;eE+\s-]*", line)), 0)
+    above = lines[max(first - 1, 0)].strip()[:80]
+    wanted = "piezo (or tip) and force (or deflection)" if file.columns is None else f"{file.columns!r}"
+    remedy = "write piezo [nm],force [nN] above the numbers, or give the names with --columns 'piezo=NAME,force=NAME'"
+    return InputError(f"curve: '{file.path}' has no columns {wanted} in its line {above!r}; {remedy}")
+
+
+# Instruments
+
+
+@contextmanager
+def _reading(file: _File, lines: Sequence[str] = ()) -> Iterator[None]:
+    """What afmformats prints is put aside, and what it raises, which may be anything, is an InputError."""
     try:
-        import afmformats
-    except ImportError:
-        raise InputError(
-            f"curve: '{path}' needs afmformats: pip install 'contbranch[afm]', or give a CSV file"
-        ) from None
-    try:
-        with redirect_stderr(io.StringIO()):  # where they print tracebacks
-            groups = afmformats.load_data(path)
-    except (KeyboardInterrupt, SystemExit):
+        with redirect_stderr(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except (KeyboardInterrupt, SystemExit, InputError):
         raise
-    except BaseException as error:  # its readers raise what they like for a file that they do not know
-        raise InputError(f"curve: '{path}' cannot be read by afmformats ({type(error).__name__}: {error})") from None
-    return [(_position(data.metadata), partial(_of_data, data, path, spring)) for data in groups]
+    except BaseException as error:
+        said = f"cannot be read by afmformats ({type(error).__name__}: {error}); unpack it, or export it as text "
+        said += "(NanoScope Analysis: Export, ASCII) and name the columns with --columns"
+        if isinstance(error, ImportError):
+            said = "needs afmformats: pip install 'contbranch[afm]', or give a CSV file"
+        elif missing := [key for key in _MISSING if key in getattr(error, "meta_keys", ())]:
+            said = f"does not tell {' and '.join(missing)}: give {' and '.join(_MISSING[key] for key in missing)}"
+        elif lines and file.path.suffix.lower() not in _INSTRUMENTS:
+            raise _unknown(file, lines) from None
+        raise InputError(f"curve: '{file.path}' {said}") from None
 
 
-def _of_data(data: Any, path: Path, spring: Quantity, place: dict[str, float]) -> ForceCurve:
-    heights = [name for name in ("height (measured)", "height (piezo)") if name in data.columns]
-    if not heights or "force" not in data.columns:
-        raise InputError(f"curve: '{path}' has {', '.join(data.columns)}; needs a force and a height of the piezo")
-    stiffness = data.metadata.get("spring constant") if spring is None else spring
-    piezo, force = -1e9 * np.asarray(data[heights[0]]), 1e9 * np.asarray(data["force"])
-    return ForceCurve(piezo=piezo, force=force, spring=stiffness, source=str(path), place=place)
+def _of_instrument(file: _File, lines: Sequence[str]) -> _Makers:
+    """Curves that afmformats reads: SI units, heights that fall towards the surface."""
+    given = {} if file.spring is None else {"spring constant": stiffness_of(file.spring)}
+    if file.sensitivity is not None:
+        factor, unit = (1.0, "nA") if file.path.suffix == ".txt" else (1e-9, "V")  # nA in texts of NT-MDT
+        given["sensitivity"] = factor * scale("deflection", unit, file.sensitivity)
+    with _reading(file, lines):
+        import afmformats
+
+        try:
+            groups = afmformats.load_data(file.path)
+        except afmformats.errors.MissingMetaDataError as error:
+            if not set(error.meta_keys) <= set(given):
+                raise
+            groups = afmformats.load_data(file.path, meta_override=given)
+    return [(_position(data.metadata), partial(_of_data, file, data, given.get("sensitivity"))) for data in groups]
+
+
+def _of_data(file: _File, data: Any, sensitivity: float | None, place: dict[str, float]) -> ForceCurve:
+    with _reading(file):
+        heights = [name for name in ("height (measured)", "height (piezo)") if name in data.columns]
+        if not heights or "force" not in data.columns:
+            raise InputError(f"curve: it has {', '.join(data.columns)}; needs a force and a height of the piezo")
+        piezo, force = -1e9 * np.asarray(data[heights[0]]), 1e9 * np.asarray(data["force"])
+        segment = _legs_by_way(piezo, np.asarray(data["segment"])) if "segment" in data.columns else None
+    if sensitivity is not None:
+        if "sensitivity" not in data.metadata:
+            raise InputError(f"sensitivity: {file.sensitivity!r}; the file holds forces, and not its own: leave it out")
+        force *= sensitivity / data.metadata["sensitivity"]
+    return file.curve(data.metadata.get("spring constant"), piezo=piezo, force=force, segment=segment, place=place)
 
 
 def _position(metadata: Any) -> dict[str, float]:
     """Where in a map a curve was measured, in nm, or its row and column."""
-    for names, factor, keys in (
-        (("position x", "position y"), 1e9, _POSITION),
-        (("grid index x", "grid index y"), 1.0, ("column", "row")),
+    for factor, keys in (
+        (1e9, {"x": "position x", "y": "position y"}),
+        (1.0, {"column": "grid index x", "row": "grid index y"}),
     ):
-        known = [float(metadata.get(name, math.nan)) for name in names]
-        if all(map(math.isfinite, known)):
-            return {key: factor * value for key, value in zip(keys, known, strict=True)}
+        known = {key: factor * float(metadata.get(name, math.nan)) for key, name in keys.items()}
+        if all(map(math.isfinite, known.values())):
+            return known
     return {}

@@ -26,6 +26,7 @@ from contbranch.arrays import Array
 from contbranch.contact.contact import Contact, make
 from contbranch.contact.interaction_law import Interaction, terms_of
 from contbranch.contact.interactions import INTERACTIONS, MaugisDugdale
+from contbranch.contact.tip_shape import Tip
 from contbranch.contact.tips import Parabola
 from contbranch.continuation import CorrectionError, Point
 from contbranch.continuation.walk import point_on
@@ -134,23 +135,33 @@ _LIMITING: dict[str, Callable[[float], Curve]] = {"jkr": lru_cache(_jkr), "dmt":
 
 
 def _bare(contact: Contact, largest: float) -> Curve:
-    """A tip that nothing attracts (I. N. Sneddon 1965): d = ζ(a) and F = 2E [a d − ∫ζ], with its Abel transform ζ."""
-    tip, a = contact.axisymmetric_tip, np.linspace(0.0, 1.0, FINER * PLACES[1])
-    most = min(contact.scales.in_plane, tip.extent)
+    """A tip that nothing attracts, up to a load."""
+    needed = max(largest / contact.modulus, 1e-300)
+    found = bare_curve(contact.axisymmetric_tip, 10.0 ** math.ceil(math.log10(needed)))
+    if found.load[-1] < needed:
+        raise ModelError("the curve of the contact ends before the largest load, at the edge of the tip")
+    return found.scaled(contact.modulus, 1.0)
+
+
+@lru_cache(maxsize=KEPT)
+def bare_curve(tip: Tip, largest: float) -> Curve:
+    """Load over the modulus, and displacement, of a tip that nothing attracts, as far as it goes up to such a load.
+
+    d = ζ(a) and F = 2E [a d − ∫ζ], with the tip's Abel transform ζ (I. N. Sneddon 1965).
+    """
 
     def load(a: Array) -> Array:
-        return 2.0 * contact.modulus * (a * tip.transform(a) - tip.transform_integral(a))
+        return 2.0 * (a * tip.transform(a) - tip.transform_integral(a))
 
-    largest = max(largest, 1e-300)
+    most = min(1.0, tip.extent)
     while load(np.array([0.5 * most]))[0] > largest:
         most *= 0.5
     while load(np.array([most]))[0] < largest and most < tip.extent:
         most = min(2.0 * most, tip.extent)
+    a = most * np.linspace(0.0, 1.0, PLACES[1])
     with np.errstate(all="ignore"):  # at the edge of a sphere they are infinite
-        force, displacement = load(a * most), tip.transform(a * most)
+        force, displacement = load(a), tip.transform(a)
     known = np.isfinite(force) & np.isfinite(displacement)
-    if force[known][-1] < largest:
-        raise ModelError("the curve of the contact ends before the largest load, at the edge of the tip")
     return Curve(np.append(0.0, force[known]), np.append(-_FAR, displacement[known]))
 
 

@@ -7,10 +7,12 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from contbranch.contact.units import readable
 from contbranch.errors import number_of
 from contbranch.results.record import OBSERVABLES, Result, UnitNames
 from contbranch.results.table import quantity, with_unit
@@ -31,7 +33,6 @@ SMALLEST = -6  # power of ten of numbers below which they are written with it
 _SILENCE = 10.0  # seconds between two lines of progress
 _ROWS = 12  # of a followed curve; all of it is in the JSON document
 _LEFT = ("control", "unit", "stable under")  # columns of words, besides the first
-_FOR_PEOPLE = {"nN·nm": "aJ"}  # the same, as one says it
 _BRACKETS = "Digits in brackets: error estimate in units of the last digit."
 
 
@@ -67,7 +68,7 @@ def parts(result: Result) -> Parts:
     """What a result holds as tables with error estimates, then its model, cost, status and message."""
     told: Any = result  # every result that is shown has a cost
     kind = type(result).__name__
-    units = {name: _FOR_PEOPLE.get(unit, unit) for name, unit in result.units.items()}
+    units = {name: unit.replace("nN·nm", "aJ") for name, unit in result.units.items()}  # the same, as one says it
     if kind in _SHOWN:
         yield from _SHOWN[kind](result, units)
     if hasattr(result, "model") and kind != "Advice":  # what it takes is said, and may be another
@@ -193,7 +194,9 @@ def _advice(advice: Advice, units: UnitNames) -> Parts:
 def _sweep(sweep: Sweep, units: UnitNames) -> Parts:
     yield f"{sweep.told()}; {sweep.computed} computed, {sweep.reused} known before"
     table = sweep.table()
-    if sweep.names and len(sweep.tasks) <= _ROWS:
+    if hasattr(sweep, "determined"):
+        yield from _map(sweep)
+    elif sweep.names and len(sweep.tasks) <= _ROWS:
         shown = [name for name in table.columns if name != "message"]
         rows = [[f"{cell:.9g}" if isinstance(cell, float) else str(cell) for cell in row]
                 for row in zip(*(table.columns[name].tolist() for name in shown), strict=True)]  # fmt: skip
@@ -202,25 +205,52 @@ def _sweep(sweep: Sweep, units: UnitNames) -> Parts:
         yield f"Task {task.index} {task.status}: {task.message}"
 
 
+def _map(fits: Any) -> Parts:
+    """Curves, if they are few, and how many of them tell what."""
+
+    def cells(values: Mapping[str, float], names: Iterable[str]) -> Iterator[str]:
+        for name in names:
+            unit, error = fits.unit_names.get(name, ""), values.get(f"{name}_error")
+            yield readable(values.get(name, math.nan), unit, error, name)
+
+    names = [*fits.determined, *({"pull_off_force"} & {*fits.names})]
+    if len(fits.tasks) <= _ROWS:
+        shown = [*fits.parameters, *names]
+        rows = [[str(one.index), *cells({**one.parameters, **one.thresholds}, shown), one.status, one.source or ""]
+                for one in fits.tasks]  # fmt: skip
+        yield Cells(["curve", *(name.replace("_", " ") for name in shown), "status", "source"], rows)
+    rows = []
+    for name in names:
+        values = [one.thresholds[name] for one in fits.tasks if name in one.thresholds]
+        ends = np.quantile(values or [math.nan], [0.5, 0.0, 1.0]).tolist()
+        told = (cell for end in ends for cell in cells({name: end}, [name]))
+        rows.append([name.replace("_", " "), f"{len(values)} of {len(fits.tasks)}", *told])
+    yield Cells(["value", "curves that tell it", "median", "least", "most"], rows)
+
+
 def _fit(fit: Fit, _: UnitNames) -> Parts:
     from contbranch.results.fit import unit_of_value
 
+    legs = fit.legs or {}
     rows = []
-    for name, value in fit.values.items():
-        known = "" if name in fit.identifiable else "not determined"
-        rows.append([name, f"{value:.6g}", f"{fit.errors[name]:.2g}", unit_of_value(name), known])
-    yield Cells(["value", "fitted", "error", "unit", ""], rows)
+    for name in fit.values:
+        cells = (readable(one.values.get(name, math.nan), unit_of_value(name), one.errors.get(name), name)
+                 for one in (fit, *legs.values()))  # fmt: skip
+        rows.append([name, *cells, "" if name in fit.determined else "not determined"])
+    yield Cells(["value", "fitted", *legs, ""], rows)
     if fit.jumps:
+        force = partial(readable, unit="nN")
+        said: Mapping[str, Callable[[float], str]] = {"piezo": "{:.6g}".format, "force": force, "step": force}
         rows = [
-            [f"{jump.name} {word}", *(f"{seen[key]:.6g}" if seen else "–" for key in ("piezo", "force", "step"))]
+            [f"{jump.name} {word}", *(show(seen[key]) if seen else "–" for key, show in said.items())]
             for jump in fit.jumps
             for word, seen in (("measured", jump.measured), ("fitted", jump.fitted))
         ]
-        yield Cells(["jump", "piezo (nm)", "force before (nN)", "step (nN)"], rows)
+        yield Cells(["jump", "piezo (nm)", "force before", "step"], rows)
     if fit.laws:
-        rows = [[one.law, f"{one.rms:.4g}", f"{one.criterion:.3g}"] for one in fit.laws]
-        yield Cells(["law", "rms (nN)", "BIC above the best"], rows)
-    yield f"Residuals: rms {fit.rms:.4g} nN; noise {fit.noise:.3g} nN. Law: {fit.law}."
+        rows = [[one.law, readable(one.rms, "nN"), f"{one.criterion:.3g}"] for one in fit.laws]
+        yield Cells(["law", "rms", "BIC above the best"], rows)
+    yield f"Residuals: rms {readable(fit.rms, 'nN')}; noise {readable(fit.noise, 'nN')}. Law: {fit.law}."
 
 
 _SHOWN: Mapping[str, Callable[[Any, UnitNames], Parts]] = {

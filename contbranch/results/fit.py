@@ -10,10 +10,11 @@ import numpy as np
 
 from contbranch.arrays import Array, Flags
 from contbranch.contact.contact import Contact
+from contbranch.contact.units import readable
 from contbranch.errors import InputError
 from contbranch.results.diagram import Cost
 from contbranch.results.loop import Hysteresis
-from contbranch.results.record import Record, Result, described, given, record
+from contbranch.results.record import Record, Result, Values, described, given, record
 from contbranch.results.table import Table, Tables
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class Fit(Result):
     values, errors : mapping
         By name: what was free, `contact_point`, `baseline` and `tilt`; errors are one standard deviation.
     correlations : Correlations
-    identifiable : tuple of str
+    determined : tuple of str
         Names of the values that the data determine.
     jumps : tuple of FitJump
     rms, noise : float
@@ -92,13 +93,18 @@ class Fit(Result):
     contact : Contact
         With the values found.
     law : str
+    leg : {"both", "approach", "retract", "each"}
+        What was fitted: ``"each"`` leg by itself where one contact does not explain both. The values are then the
+        approach's, but for the retraction's work of adhesion.
+    legs : mapping or None
+        By leg the `Fit` of each, ``"approach"`` and ``"retract"``, where they were fitted by themselves.
     laws : tuple of LawFit
         Where laws were compared, the best one first.
     status, message : str
         ``"complete"`` if the fit converged; what the data tell and what not.
     piezo, force, fitted, residuals : array (M,)
-        The curve with what was fitted to it (nN).
-    retract : array (M,)
+        The curve with what was fitted to it (nN); not a number where a sample was left out.
+    retract, pause : array (M,)
     spring : float
         The stiffness (nN/nm); infinite for a rigid drive.
     """
@@ -107,12 +113,14 @@ class Fit(Result):
     values: Mapping[str, float]
     errors: Mapping[str, float]
     correlations: Correlations
-    identifiable: tuple[str, ...]
+    determined: tuple[str, ...]
     jumps: tuple[FitJump, ...]
     rms: float
     noise: float
     contact: Contact = described(kw_only=True)
     law: str
+    leg: str
+    legs: Mapping[str, Fit] | None
     cost: Cost
     laws: tuple[LawFit, ...] = described(written="if known", default=())
     spring: float = described(written=False, default=float("inf"))
@@ -121,6 +129,7 @@ class Fit(Result):
     fitted: Array = _samples()
     residuals: Array = _samples()
     retract: Flags = _samples(bool)
+    pause: Flags = _samples(bool)
     traced: Hysteresis | Callable[[], Hysteresis] | None = described(
         written=False, computed=lambda fit: None, default=None
     )
@@ -142,9 +151,18 @@ class Fit(Result):
         loop: Hysteresis = given(self.traced)
         return loop
 
+    def items(self) -> Values:
+        """What documents hold: of the fits of single legs their values."""
+        kept = ("values", "errors", "determined", "rms")
+        legs = {name: {key: getattr(one, key) for key in kept} for name, one in (self.legs or {}).items()}
+        return super().items() | {"legs": legs or None}
+
     def told(self) -> str:
         """The values that the data determine."""
-        return ", ".join(f"{name} {self.values[name]:.4g} ± {self.errors[name]:.2g}" for name in self.identifiable)
+        units = {name: unit_of_value(name) for name in self.determined}
+        return ", ".join(
+            f"{name} {readable(self.values[name], unit, self.errors[name], name)}" for name, unit in units.items()
+        )
 
     def tables(self) -> Tables:
         """The samples with what was fitted to them; a CSV file of them is a force curve again."""
@@ -162,7 +180,8 @@ class Fit(Result):
 
 def unit_of_value(name: str) -> str:
     """The unit of a value: lengths in nm, forces in nN."""
-    known = {"contact_point": "nm", "baseline": "nN", "tilt": "nN/nm", "spring": "nN/nm", "sensitivity": ""}
+    known = {"contact_point": "nm", "baseline": "nN", "spring": "nN/nm", "sensitivity": ""}
+    known |= {"tilt": "nN/nm", "baseline_retract": "nN", "tilt_retract": "nN/nm"}
     known |= {"modulus": "nN/nm²", "work_of_adhesion": "nN/nm"}
     return known.get(name.partition("[")[0], "nm" if name.partition("[")[0] in _LENGTHS else "")
 
