@@ -52,9 +52,21 @@ def fit_for_force_curves(folder: Path) -> None:
     )
 
 
+def files_of_an_instrument(folder: Path) -> None:
+    """A file of a cell, a folder of two, and what is in it as a text."""
+    content = (ROOT / "tests" / "reference" / "force_curves" / "fmt-jpk-fd_spot3-0192.jpk-force").read_bytes()
+    (folder / "cells").mkdir()
+    for name in ("cell.jpk-force", "cells/1.jpk-force", "cells/2.jpk-force"):
+        (folder / name).write_bytes(content)
+    curve = cb.read_force_curve(folder / "cell.jpk-force")
+    rows = zip(-curve.piezo, curve.force / curve.spring / 70.0, strict=True)
+    lines = ["Height (nm)\tDefl (V)", *(f"{height:.3f}\t{volts:.6f}" for height, volts in rows)]
+    (folder / "export.txt").write_text("\n".join(lines), encoding="utf-8")
+
+
 # What is fitted may differ by less than its error.
-TOLERANCE = {"docs/tutorial-force-curve.md": 0.06}
-GIVEN = {"docs/force-curves.md": fit_for_force_curves}
+TOLERANCE = {"docs/tutorial-force-curve.md": 0.06, "docs/howto/jpk.md": 0.06}
+GIVEN = {"docs/force-curves.md": fit_for_force_curves, "docs/howto/jpk.md": files_of_an_instrument}
 
 
 def run_commands(block: str) -> None:

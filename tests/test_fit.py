@@ -252,8 +252,7 @@ def test_a_contact_that_lets_go_before_the_curve_does_is_none_of_the_curves(curv
     fit = cb.fit(data, contact(), ("work_of_adhesion", "modulus"), leg="both")
     assert fit.jumps[-1].measured is None
     assert fit.determined == ()
-    assert "its pull-off is at" in fit.message
-    assert "holds down to -90 nm" in fit.message
+    assert "it lets go before the last" in fit.message
 
 
 def test_few_samples_far_out_show_the_baseline():

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from contbranch.contact.units import readable
 from contbranch.control import Spring
 from contbranch.measure.comparison import Leg
 from contbranch.measure.features import NEIGHBOURS, Features
-from contbranch.measure.minimum import Minimiser, Minimum, errors_of
+from contbranch.measure.minimum import LONG, Minimiser, Minimum, errors_of
 from contbranch.measure.quantities import LINEAR, State
 from contbranch.measure.reduced import TABOR, curve_of
 from contbranch.results.diagram import Cost
@@ -67,7 +66,7 @@ def concluded(
         errors=spreads,
         correlations=Correlations(tuple(values), covariance / np.outer(safe, safe)),
         determined=()
-        if tied or not found.converged or _elsewhere(minimiser, found) or _late(minimiser, jumps)
+        if tied or not found.converged or _elsewhere(minimiser, found) or _beyond(minimiser, jumps) > NEIGHBOURS
         else _known(minimiser, found, values, spreads),
         jumps=jumps,
         rms=found.rms,
@@ -76,7 +75,7 @@ def concluded(
         law=problem.limit or next((law.name or "law" for law in terms_of(contact.interaction)), "hertz"),
         status="complete" if found.converged else "incomplete",
         message="",
-        leg=_leg(minimiser),
+        leg="both" if len(minimiser.legs_used) > 1 else ("approach", "retract")[minimiser.legs_used[0]],
         legs=None,
         spring=state.spring,
         piezo=minimiser.curve.piezo,
@@ -93,61 +92,50 @@ def concluded(
 
 def apart(approach: Fit, retract: Fit) -> Fit:
     """Legs that are fitted each by itself as one result: the approach's, with the retraction's work of adhesion."""
-    one, other = approach, retract
-    moved = {name for name in other.values if name.startswith("work_of_adhesion")}
-    names = tuple(dict.fromkeys((*one.values, *moved)))
+    legs = {False: approach, True: retract}
+    moved = {name for name in retract.values if name.startswith("work_of_adhesion")}
+    names = tuple(dict.fromkeys((*approach.values, *moved)))
     values, errors = (
-        {name: pair[name in moved][name] for name in names}
-        for pair in ((one.values, other.values), (one.errors, other.errors))
+        {name: getattr(legs[name in moved], kind)[name] for name in names} for kind in ("values", "errors")
     )
-    matrix = np.eye(len(names))
-    for fit in (one, other):
-        own = [name for name in fit.values if (name in moved) == (fit is other)]
-        rows, places = [names.index(name) for name in own], [fit.correlations.names.index(name) for name in own]
+    matrix = np.eye(len(names))  # the fits share no sample
+    for back, fit in legs.items():
+        places = [k for k, name in enumerate(fit.values) if (name in moved) is back]
+        rows = [names.index([*fit.values][k]) for k in places]
         matrix[np.ix_(rows, rows)] = fit.correlations.matrix[np.ix_(places, places)]
-    contact = one.contact
+    contact = approach.contact
     for name in moved:
         known = parameters_of(contact)
-        contact = known[name].contact(values[name]) if name in known else other.contact
-    samples = {
-        name: np.where(retract.retract, getattr(other, name), getattr(one, name)) for name in ("fitted", "residuals")
-    }
-    jumps = (*(jump for jump in one.jumps if jump.name in ("jump-in", "squeeze-out")),
-             *(jump for jump in other.jumps if jump.name in ("pull-off", "wetting")))  # fmt: skip
+        contact = known[name].contact(values[name]) if name in known else retract.contact
+    fitted = np.where(retract.retract, retract.fitted, approach.fitted)
     return replace(
-        one,
+        approach,
         values=values,
         errors=errors,
         correlations=Correlations(names, matrix),
-        determined=tuple(name for name in names if name in (other if name in moved else one).determined),
-        jumps=jumps,
-        rms=float(np.sqrt(np.nanmean(samples["residuals"] ** 2))),
+        determined=tuple(name for name in names if name in legs[name in moved].determined),
+        jumps=approach.jumps + retract.jumps,
+        rms=float(np.sqrt(np.nanmean((approach.force - fitted) ** 2))),
         contact=contact,
-        law=other.law,
-        status="complete" if one.status == other.status == "complete" else "incomplete",
+        law=retract.law,
+        status="complete" if approach.status == retract.status == "complete" else "incomplete",
         leg="each",
-        legs={"approach": one, "retract": other},
-        traced=other.traced and partial(_loop, contact, one.spring, float(np.max(one.force))),
-        cost=replace(one.cost, newton=one.cost.newton + other.cost.newton),
-        message=f"{_difference(one, other)} Approach: {one.message} Retraction: {other.message}",
-        **samples,
+        legs={"approach": approach, "retract": retract},
+        fitted=fitted,
+        residuals=approach.force - fitted,
+        traced=retract.traced and partial(_loop, contact, approach.spring, float(np.max(approach.force))),
+        cost=replace(approach.cost, newton=approach.cost.newton + retract.cost.newton),
+        message=f"{_difference(approach, retract)} Approach: {approach.message} Retraction: {retract.message}",
     )
 
 
 def _difference(approach: Fit, retract: Fit) -> str:
     """By how much legs differ, and what that means."""
-    words = ["Approach and retraction are not those of one elastic contact, and are fitted each by itself"]
-    shared = [
-        name for name in ("modulus", "contact_point") if name in approach.determined and name in retract.determined
-    ]
-    for name in shared:
-        one, other = approach.values[name], retract.values[name]
-        differs = f"{100 * (other / one - 1):+.0f} %" if name == "modulus" else readable(other - one, "nm")
-        words.append(f"the {name.replace('_', ' ')} of the retraction differs by {differs}")
-    return (
-        "; ".join(words) + ". Viscosity, plasticity, creep or drag do that; "
-        "a modulus by elastic theory is that of the approach at its speed."
-    )
+    words = "Approach and retraction are not those of one elastic contact, and are fitted each by itself"
+    if "modulus" in approach.determined and "modulus" in retract.determined:
+        share = retract.values["modulus"] / approach.values["modulus"] - 1.0
+        words += f"; the modulus of the retraction differs by {100 * share:+.0f} %"
+    return f"{words}. Viscosity, plasticity, creep and drag do that; the modulus is that of the approach at its speed."
 
 
 def _loop(contact: Contact, spring: float, largest: float) -> Hysteresis:
@@ -156,12 +144,6 @@ def _loop(contact: Contact, spring: float, largest: float) -> Hysteresis:
     if contact.interaction is not None:
         largest = max(largest, 1e-3 * contact.scales.load)
     return hysteresis(contact, control, 1e-5, max_load=largest)
-
-
-def _leg(minimiser: Minimiser) -> str:
-    """Which legs were fitted."""
-    legs = [name for name, back in (("approach", False), ("retract", True)) if minimiser.used(back).size]
-    return legs[0] if len(legs) == 1 else "both"
 
 
 def _covariance(
@@ -178,26 +160,24 @@ def _covariance(
     covariance = to_values @ inverse @ to_values.T
     apart = [np.abs(found.problem.numbers(x) - found.values) / math.sqrt(more) for x, more in found.near]
     state, values = found.problem.state(found.x), found.problem.values(found.x)
-    least = dict.fromkeys(found.problem.names, 0.0) | {"contact_point": minimiser.seen.resolution / math.sqrt(12.0)}
+    steps = minimiser.seen.resolution / math.sqrt(12.0)  # of positions that are repeated
+    depth = curve_of(state.contact, minimiser.seen.largest, found.problem.limit).displacement[-1]
+    share = 1.5 * steps / depth / math.sqrt(max(depth / max(minimiser.seen.resolution, 1e-300), 1.0))
+    share += minimiser.seen.adhesion / minimiser.seen.largest  # which the contact does not have
+    least = dict.fromkeys(found.problem.names, 0.0)
+    least |= {"contact_point": steps + share * depth, "modulus": share * values.get("modulus", 0.0)}
     for jump in jumps:
         seen = found.comparison.seen.pull_off
         if jump.name == "pull-off" and seen and jump.measured and jump.fitted:
-            steps = minimiser.seen.resolution / math.sqrt(12.0)
             place = max(abs(jump.fitted["piezo"] - jump.measured["piezo"]) - seen.width, steps)
             force = abs(jump.fitted["force"] - jump.measured["force"]) - jump.measured["uncertainty"]
             beyond = math.hypot(minimiser.slope()[0] * place, 0.0 if math.isnan(force) else max(force, 0.0))
             share = beyond / abs(jump.fitted["force"])
             least |= {name: share * abs(values[name]) for name in values if name.startswith("work_of_adhesion")}
-    if minimiser.seen.adhesion and minimiser.seen.largest > 0.0:  # which the contact does not have
-        share, shape = minimiser.seen.adhesion / minimiser.seen.largest, curve_of(state.contact, minimiser.seen.largest)
-        least["contact_point"] = max(least["contact_point"], share * shape.displacement[-1])
-        least["modulus"] = share * values.get("modulus", 0.0)
-    for name in {*values} - {*LINEAR[1:]}:
-        single = [fit for fit in alone if name in fit.determined]  # half of what two values are apart
-        distances = [abs(values[name] - fit.values[name]) - fit.errors[name] for fit in single]
-        least[name] = max([least[name], *(0.5 * one for one in distances)])
-    for name in {*halved} - {*LINEAR[1:]}:
-        least[name] = max(least[name], HALVED * abs(halved[name] - values[name]))
+    for name in {*values} - {*LINEAR[1:]}:  # of legs half of what they are apart
+        other = [(0.5, fit.values[name], fit.errors[name]) for fit in alone if name in fit.determined]
+        other += [(HALVED, halved[name], 0.0)] if name in halved else []
+        least[name] = max([least[name], *(part * (abs(values[name] - one) - error) for part, one, error in other)])
     errors = errors_of(covariance, 1e-300)
     known = np.array([least[name] for name in found.problem.names])
     factor = np.max([errors, known, *apart], axis=0) / errors
@@ -211,18 +191,11 @@ def _elsewhere(minimiser: Minimiser, found: Minimum) -> float:
     return rest if rest > ELSEWHERE * force else 0.0
 
 
-def _late(minimiser: Minimiser, jumps: tuple[FitJump, ...]) -> str:
-    """What to say where a fitted jump out of contact lies many samples before the end of a retraction without one."""
-    last = jumps[-1] if jumps and jumps[-1].name in ("pull-off", "wetting") else None
-    if last is None or last.measured or not last.fitted or minimiser.seen.returned:
-        return ""
-    place, back = last.fitted["piezo"], minimiser.curve.piezo[minimiser.used(True)]
-    if np.sum(back < place) <= NEIGHBOURS:
-        return ""
-    return (
-        f"This is not a curve of such a contact: its {last.name} is at {place:.5g} nm, and this one holds down to "
-        f"{back.min():.5g} nm."
-    )
+def _beyond(minimiser: Minimiser, jumps: Sequence[FitJump]) -> int:
+    """Number of samples of a retraction that is not back at a baseline behind the fitted jump out of contact."""
+    place = next((jump.fitted["piezo"] for jump in jumps[-1:] if jump.fitted and not jump.measured), -math.inf)
+    back = minimiser.curve.piezo[minimiser.used(True)]
+    return 0 if minimiser.seen.returned else int(np.sum(back < place))
 
 
 def _known(minimiser: Minimiser, found: Minimum, values: dict[str, float], errors: dict[str, float]) -> tuple[str, ...]:
@@ -270,66 +243,45 @@ def _jumps(minimiser: Minimiser, seen: Features, state: State, approach: Leg, re
 
 def _message(minimiser: Minimiser, found: Minimum, fit: Fit, halved: Mapping[str, float]) -> str:
     """What the data tell, and what not."""
-    values, errors, matrix, known = fit.values, fit.errors, fit.correlations.matrix, fit.determined
-    names, problem, words = list(values), found.problem, [*minimiser.seen.notes]
-    if not (minimiser.seen.begun or minimiser.seen.returned):
-        words.append(
-            "There is no baseline in the data: baseline, tilt and contact point follow from the shape of the curve in "
-            "contact alone."
-        )
-    if not found.converged:
-        words.append("The minimisation did not converge: values and errors are those of where it has come to.")
-    rest = _elsewhere(minimiser, found)
-    if rest:
-        words.append(
-            f"This is not a curve of such a contact: in contact it is {readable(rest, 'nN')} away from the closest "
-            f"one, whose forces are {readable(minimiser.misfit(found)[1], 'nN')} there, and the values mean nothing."
-        )
-    if late := _late(minimiser, fit.jumps):
-        words.append(late)
-    if found.converged:
-        words.append(f"The data determine {_listed(known)}." if known else "The data determine none of the values.")
-    for name in (name for name in names if found.converged and name not in known):
-        error = abs(errors[name] / values[name]) if values[name] else math.inf
-        words.append(f"They do not determine {name}{f' (± {100 * error:.0f} %)' if KNOWN < error < 10 else ''}.")
-    tied = [
-        f"{a} and {b} are {correlation:.2f} correlated"
-        for (i, a), (j, b) in combinations(enumerate(names), 2)
-        if abs(correlation := matrix[i, j]) > 0.9 and not {a, b} & {*LINEAR[1:]}
+    values, errors, known, problem, seen = fit.values, fit.errors, fit.determined, found.problem, minimiser.seen
+    rest, force = minimiser.misfit(found)
+    (slope, _), tabor = minimiser.slope(), problem.state(found.x).contact.tabor or 0.0
+    beyond = _beyond(minimiser, fit.jumps)
+    change = halved.get("modulus", math.nan) / values.get("modulus", math.nan) - 1.0
+    unknown = [
+        f"{name} (± {100 * errors[name] / abs(value):.0f} %)"
+        if KNOWN * abs(value) < errors[name] < 10 * abs(value)
+        else name
+        for name, value in values.items()
+        if name not in known
     ]
-    if tied:
-        listed = "; ".join(tied)
-        words.append(f"{listed[0].upper()}{listed[1:]}.")
-    slope, _ = minimiser.slope()
-    if "sensitivity" in names and slope < COMPLIANT * minimiser.stiffness:
-        words.append(
-            f"Pressed most, the force rises by {slope:.3g} nN/nm, {slope / minimiser.stiffness:.2f} of "
-            "the spring's stiffness: a compliant contact, or a recorded deflection that is too small. The slope "
-            "alone does not tell which; here the curve's bend and its jumps have decided."
-        )
-    if {"work_of_adhesion", "radius"} <= set(names) and not {"work_of_adhesion", "radius"} <= set(known):
-        words.append("The pull-off fixes the product of work_of_adhesion and radius.")
-    if problem.by_tabor:
-        tabor = problem.state(found.x).contact.tabor or 0.0
-        if tabor < 1.1 * TABOR[0] or tabor > TABOR[1] / 1.1:
-            words.append(
-                f"The range is at the end of what is tabulated: the {'DMT' if tabor < 1 else 'JKR'} limit fits."
-            )
-    if found.others:
-        words.append("Another minimum fits as well, with other values.")
-    if fit.rms > 2 * minimiser.seen.noise:
-        words.append(
-            f"The residuals (rms {fit.rms:.3g} nN) exceed the noise ({minimiser.seen.noise:.3g} nN): the model is not "
-            "all there is in the curve; errors allow for that."
-        )
-    elif found.deviation > 2 * minimiser.seen.noise:
-        words.append("The residuals vary slowly: the model is not all there is in the curve; errors allow for that.")
-    if abs(change := halved.get("modulus", math.nan) / values.get("modulus", math.nan) - 1.0) > KNOWN:
-        words.append(
-            f"Up to half of the largest force the modulus differs by {100 * change:+.0f} %: it depends on how deep the "
-            "tip is pressed, as on a layer, on a body that yields, or with a tip of another shape."
-        )
-    return " ".join([*words, *_disagreements(fit.jumps)])
+    left = f"The residuals (rms {readable(fit.rms, 'nN')}) exceed the noise ({readable(seen.noise, 'nN')})"
+    if fit.rms <= LONG * seen.noise:
+        left = "The residuals vary slowly"
+    said = {
+        "There is no baseline in the data: baseline, tilt and contact point follow from the shape of the curve in "
+        "contact alone.": not (seen.begun or seen.returned),
+        "The minimisation did not converge: values and errors are those of where it has come to.": not found.converged,
+        f"This is not a curve of such a contact: in contact it is {readable(rest, 'nN')} away from the closest one, "
+        f"whose forces are {readable(force, 'nN')} there, and the values mean nothing.": _elsewhere(minimiser, found),
+        f"This is not a curve of such a contact: it lets go before the last {beyond} samples of the retraction, and "
+        "the values mean nothing.": beyond > NEIGHBOURS,
+        f"The data determine {_listed(known)}." if known else "The data determine none of the values.": found.converged,
+        f"They do not determine {_listed(unknown)}.": found.converged and unknown,
+        f"Pressed most, the force rises by {slope / minimiser.stiffness:.2f} of the spring's stiffness: a compliant "
+        "contact, or a recorded deflection that is too small. Here the curve's bend and its jumps have decided.":
+            "sensitivity" in values and slope < COMPLIANT * minimiser.stiffness,
+        "The pull-off fixes the product of work_of_adhesion and radius.":
+            {"work_of_adhesion", "radius"} <= {*values} and not {"work_of_adhesion", "radius"} <= {*known},
+        f"The range is at the end of what is tabulated: the {'DMT' if tabor < 1 else 'JKR'} limit fits.":
+            problem.by_tabor and not 1.1 * TABOR[0] < tabor < TABOR[1] / 1.1,
+        "Another minimum fits as well, with other values.": found.others,
+        f"{left}: the model is not all there is in the curve; errors allow for that.":
+            max(fit.rms, found.deviation) > LONG * seen.noise,
+        f"Up to half of the largest force the modulus differs by {100 * change:+.0f} %: it depends on how deep the tip "
+        "is pressed, as on a layer, on a body that yields, or with a tip of another shape.": abs(change) > KNOWN,
+    }  # fmt: skip
+    return " ".join([*seen.notes, *(text for text, so in said.items() if so), *_disagreements(fit.jumps)])
 
 
 def _disagreements(jumps: tuple[FitJump, ...]) -> Iterator[str]:

@@ -356,20 +356,10 @@ def _step(force: Array) -> float:
 
 def _gains(curve: ForceCurve, force: Array, own: dict[bool, Indices], allowed: float) -> bool:
     """Whether most of what lies between the legs, below the baseline, has the approach below the retraction."""
-    legs = []
-    for leg in own.values():
-        order = leg[np.argsort(curve.piezo[leg], kind="stable")]
-        legs.append((curve.piezo[order], force[order]))
-    (there, down), back = legs
-    if back[0].size < 2:
-        return False
-    apart = down - np.interp(there, *back, left=math.nan, right=math.nan)
+    (there, down), (here, up) = ((curve.piezo[leg], force[leg]) for leg in (np.sort(own[False]), own[True][::-1]))
+    apart = down - np.interp(there, here, up, left=math.nan, right=math.nan)
     apart = apart[(np.abs(apart) > 2 * allowed) & (down - np.maximum(apart, 0.0) < -allowed)]
-    return bool(
-        apart.size >= JUMP_SAMPLES
-        and -apart.sum() > 2 * np.abs(apart[apart > 0]).sum()
-        and -apart.sum() > apart.size * 0.1 * -float(force.min())
-    )
+    return apart.size >= JUMP_SAMPLES and bool(apart.mean() < -0.1 * -float(force.min()))
 
 
 def _ramp(force: Array, noise: float) -> bool:

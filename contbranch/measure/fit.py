@@ -235,10 +235,9 @@ class _Fitting:
                     self.__dict__.update(other.__dict__)
 
     def explains(self) -> bool:
-        """Whether no more is left than the noise, in contact and in all, by jumps, and nothing that varies slowly."""
-        noise, beside = self.minimiser.seen.noise, self.minimiser.beside_jumps(self.found)
-        few = max(self.rest[0], self.found.rms) <= MISFIT * noise and beside <= MISFIT**2 * noise
-        return few and self.found.deviation <= LONG * noise
+        """Whether no more is left than the noise, in all and anywhere, and nothing that varies slowly."""
+        found, noise = self.found, self.minimiser.seen.noise
+        return found.rms <= MISFIT * noise and found.worst <= LONG and found.deviation <= LONG * noise
 
     def concluded(self, alone: Sequence[Fit] = ()) -> Fit:
         """The result; its errors allow for what legs fitted each by itself determine."""
@@ -336,10 +335,7 @@ class _Fitting:
     def _scores(self, found: Mapping[str, Minimum]) -> dict[str, float]:
         """Bayesian information criteria, by law; residuals that are correlated are worth fewer."""
         count, noise = len(self.minimiser.curve), self.minimiser.seen.noise
-        losses = {}
-        for name, one in found.items():
-            with finishing():
-                losses[name] = loss(self.minimiser.at(one, noise))
+        losses = {name: loss(np.append(one.forces / noise, one.places)) for name, one in found.items()}
         close = found[min(losses, key=losses.__getitem__)]
         misfit, length = max(1.0, min(losses.values()) / count), 1.0
         if misfit > MISFIT**2:

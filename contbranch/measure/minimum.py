@@ -58,6 +58,11 @@ class Minimum:
         return self.residuals[: self.comparison.samples.size] * self.spread
 
     @property
+    def places(self) -> Array:
+        """What is left of the places of jumps, in standard deviations."""
+        return self.residuals[self.comparison.samples.size :]
+
+    @property
     def rms(self) -> float:
         """Its root mean square."""
         return float(np.sqrt(np.mean(self.forces**2)))
@@ -77,6 +82,12 @@ class Minimum:
             size = math.sqrt(float(clipped @ clipped) / max(own.size - self.x.size, 1))
         length = correlation_length(own[np.argsort(self.comparison.samples)])
         return max(size, self.noise * 0.5) * math.sqrt(length if length > LONG else 1.0)
+
+    @property
+    def worst(self) -> float:
+        """The largest root mean square of few residuals in a row, in units of the noise; outliers are cut short."""
+        own = np.clip(self.forces[np.argsort(self.comparison.samples)] / self.noise, -ROBUST, ROBUST) ** 2
+        return math.sqrt(float(np.max(np.add.reduceat(own, np.arange(0, own.size, NEIGHBOURS)))) / NEIGHBOURS)
 
     @cached_property
     def inverse(self) -> tuple[Array, bool]:
@@ -125,6 +136,7 @@ class Minimiser:
         if not curve.rigid and curve.spring is None:
             raise InputError("spring: missing; give the stiffness of the cantilever, such as '0.5 N/m'")
         self.stiffness = math.inf if curve.spring is None else curve.spring
+        self.legs_used = [back for back in (False, True) if self.used(back).size]
 
     def slope(self) -> tuple[float, float]:
         """Slope of the force where the tip is pressed most, on approach if there is one, and its error by the noise.
@@ -188,7 +200,8 @@ class Minimiser:
         spread, evaluations = limits
         low, high = problem.bounds()
         varied = np.arange(x.size) != (-1 if held is None else held)
-        measured, wide = self.curve.force[comparison.samples], self._wide(comparison, spread)
+        measured = self.curve.force[comparison.samples]
+        wide = max(1.0, spread / self.seen.noise / math.sqrt(measured.size))  # of places, by the distance of samples
         known: tuple[Array, Array, Array] | None = None  # vector, residuals and slopes where it has come to
         last: dict[bytes, tuple[Array, Array]] = {}  # MINPACK asks for derivatives where it has just been
 
@@ -241,16 +254,6 @@ class Minimiser:
             converged = False
         return Minimum(problem, comparison, at, loss(values), values, derivatives, converged, spread, self.seen.noise)
 
-    def at(self, found: Minimum, spread: float) -> Array:
-        """The residuals of a minimum in other standard deviations."""
-        count = found.comparison.samples.size
-        wide = self._wide(found.comparison, found.spread) / self._wide(found.comparison, spread)
-        return np.append(found.forces / spread, found.residuals[count:] * wide)
-
-    def _wide(self, comparison: Comparison, spread: float) -> float:
-        """Standard deviation of the places of jumps, in that by the distance of samples."""
-        return max(1.0, spread / self.seen.noise / math.sqrt(comparison.samples.size))
-
     def columns(self, problem: Problem, samples: Indices) -> dict[str, Array]:
         """What baselines and tilts that are varied add to the force at samples, each being 1."""
         retract, far = self.curve.retract[samples], self.curve.piezo[samples] - problem.middle
@@ -287,18 +290,6 @@ class Minimiser:
         state = found.problem.state(found.x)
         own = (self.curve.force - state.baseline(self.curve.piezo, self.curve.retract)) / self.gain(state)
         return self.samples.labelled(*self.legs(found.problem, state), state.line[0], own)
-
-    def beside_jumps(self, found: Minimum) -> float:
-        """The largest root mean square of what is left of the force on one side of a jump."""
-        rest = np.full(len(self.curve), math.nan)
-        rest[found.comparison.samples] = found.forces
-        largest = 0.0
-        for jump in (found.comparison.seen.jump_in, found.comparison.seen.pull_off):
-            for side in () if jump is None else (slice(max(jump.before - NEIGHBOURS, 0), jump.before + 1),
-                                                 slice(jump.after, jump.after + NEIGHBOURS)):  # fmt: skip
-                near = rest[side][np.isfinite(rest[side])]
-                largest = max(largest, float(np.sqrt(np.mean(near**2)))) if near.size else largest
-        return largest
 
     def misfit(self, found: Minimum, *legs: bool) -> tuple[float, float]:
         """Root mean squares of what the model leaves of the force in contact, outliers cut short, and of that force."""

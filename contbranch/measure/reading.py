@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,27 +24,31 @@ from contbranch.measure.force_curve import COLUMNS, ForceCurve, scale, stiffness
 # Names of a text's columns by what they hold: one text, ``piezo=NAME,force=NAME``, or a mapping.
 Names = str | Mapping[str, str] | None
 
-_POSITION: tuple[str, ...] = ("x", "y")
-_OWN = {role: role for role in (*COLUMNS, "segment", "curve", *_POSITION)}
+# Those of our tables, and of texts that Optics11, JPK and NanoScope export, the last with the legs side by side. A minus
+# reverses a column: heights of JPK fall towards the surface.
+_OWN = {role: role for role in (*COLUMNS, "segment", "curve", "x", "y")}
+_HEIGHTS = ("smoothedMeasuredHeight", "measuredHeight", "smoothedStrainGaugeHeight", "strainGaugeHeight", "height")
+_KNOWN = [[_OWN], [{"piezo": "Piezo (nm)", "deflection": "Cantilever (nm)"}]]
+_KNOWN += [[{"piezo": f"-{height}", "force": "vDeflection"}] for height in _HEIGHTS]
+_KNOWN += [
+    [{"piezo": f"Calc_Ramp_{leg}_nm [nm]", "deflection": f"Defl_{unit}_{leg} [{unit}]"} for leg in ("Ex", "Rt")]
+    for unit in ("nm", "V")
+]
 _HEADING = re.compile(r"(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?")
+_NUMBERS = re.compile(r"[\d.,;eE+\s-]*\d[\d.,;eE+\s-]*")
+_SPRING = re.compile(r"(?:k \(N/m\)|# springConstant:)\s+(\d+[.,]?\d*(?:[eE][+-]?\d+)?)")
 _TEXTS = (".csv", ".txt", ".tsv", ".dat")
 _INSTRUMENTS = (".ibw", ".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".h5", ".tab", ".zip")
-# Columns of texts that instruments export: Optics11, NanoScope, and JPK, whose heights fall towards the surface.
-_RAMPS = ",".join(f"piezo=Calc_Ramp_{leg}_nm [nm],deflection=Defl_{{0}}_{leg} [{{0}}]" for leg in ("Ex", "Rt"))
-_HEIGHTS = ("smoothedMeasuredHeight", "measuredHeight", "smoothedStrainGaugeHeight", "strainGaugeHeight", "height")
-_EXPORTS = ["piezo=Piezo (nm),deflection=Cantilever (nm)", *map(_RAMPS.format, ("nm", "V"))]
-_EXPORTS += [f"force=vDeflection,piezo=-{height}" for height in _HEIGHTS]
-_SPRING = re.compile(r"(?:k \(N/m\)|# springConstant:)\s+([\d.,eE+-]+)")
 # What a file may lack, and how it is given.
 _MISSING = {"spring constant": "--spring '0.5 N/m'", "sensitivity": "--sensitivity '50 nm/V'"}
 # A segment that moves by a smaller share of the way of the piezo is a pause: creep 0.05 in measured files, legs 0.7.
 HELD = 0.1
 # Places in a map that are said in names of files: numbers, each behind a separator if there is one.
-_NUMBER = r"[_ ]?(-?\d+(?:[.,]\d+)?)"
-_NAMED = (
-    (re.compile(rf"(?:^|[^a-z])x{_NUMBER}.*?y{_NUMBER}", re.IGNORECASE), ("column", "row")),
-    (re.compile(rf"(?:^|[^a-z])r(?:ow)?{_NUMBER}.*?c(?:ol(?:umn)?)?{_NUMBER}", re.IGNORECASE), ("row", "column")),
-)
+_ROW, _COLUMN = (rf"[_ ]?(?P<{name}>-?\d+(?:[.,]\d+)?)" for name in ("row", "column"))
+_NAMED = [
+    re.compile(rf"(?<![a-z]){form}", re.IGNORECASE)
+    for form in (rf"x{_COLUMN}.*?y{_ROW}", rf"r(?:ow)?{_ROW}.*?c(?:ol(?:umn)?)?{_COLUMN}")
+]
 
 # Places in a map, and what makes the curves there.
 _Makers = list[tuple[dict[str, float], Callable[..., ForceCurve]]]
@@ -75,9 +78,9 @@ class _File:
     sensitivity: Quantity
     columns: Names
 
-    def curve(self, told: object, **columns: Any) -> ForceCurve:
+    def curve(self, told: float | None, **columns: Any) -> ForceCurve:
         """A curve; its forces are those of the spring that its file tells, if it does, and change with another."""
-        first = self.spring if told is None else stiffness_of(told)
+        first = self.spring if told is None else told
         curve = ForceCurve(spring=first, deflected=told is not None, source=str(self.path), **columns)
         return curve.with_spring(self.spring)
 
@@ -166,33 +169,25 @@ def _named(stems: Sequence[str]) -> list[dict[str, float]]:
 
     A dash before a number is its sign, ``x-1_y2``; one that all numbers have, ``x-1-y-2``, only stands between.
     """
-    said: list[dict[str, str]] = []
-    for stem in stems:
-        found = ((names, pattern.search(stem)) for pattern, names in _NAMED)
-        said.append(next((dict(zip(names, match.groups(), strict=True)) for names, match in found if match), {}))
-    between = all(number.startswith("-") for one in said for number in one.values())
-    return [
-        {name: float(number.lstrip("-" if between else "").replace(",", ".")) for name, number in one.items()}
-        for one in said
-    ]
+    said = [next((one.groupdict() for pattern in _NAMED if (one := pattern.search(stem))), {}) for stem in stems]
+    sign = "-" if all(number.startswith("-") for one in said for number in one.values()) else ""
+    return [{name: float(text.lstrip(sign).replace(",", ".")) for name, text in one.items()} for one in said]
 
 
 def _in_file(file: _File, place: dict[str, float]) -> Iterator[ForceCurve | Unread]:
-    def unread(error: InputError, where: dict[str, float]) -> Unread:
-        source = str(file.path)
-        return Unread(error if source in str(error) else InputError(f"{error} ('{source}')"), where, source)
-
+    """The curves of a file; of those that cannot be read, what is wrong, with its name."""
+    source = str(file.path)
     try:
         lines = _lines(file.path)
         makers = _of_table(file, lines) or _of_instrument(file, lines)
     except InputError as error:
-        yield unread(error, place)
+        yield Unread(InputError(f"{error} ('{source}')"), place, source)
         return
     for own, make in makers:
         try:
             yield make(place=place | own)
         except InputError as error:
-            yield unread(error, place | own)
+            yield Unread(InputError(f"{error} ('{source}')"), place | own, source)
 
 
 def _lines(path: Path) -> list[str]:
@@ -201,9 +196,9 @@ def _lines(path: Path) -> list[str]:
         with path.open("rb") as file:
             content = b"" if b"\0" in (begin := file.read(1024)) else begin + file.read()
     except OSError as error:
-        raise InputError(f"curve: '{path}' cannot be read ({error})") from None
+        raise InputError(f"curve: the file cannot be read ({error.strerror})") from None
     if not begin.strip():
-        raise InputError(f"curve: '{path}' is empty")
+        raise InputError("curve: the file is empty")
     try:
         return content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:  # of Windows
@@ -251,104 +246,109 @@ def _cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip(' "') for cell in own]
 
 
-def _bare(cell: str) -> tuple[str, str]:
+def _bare(name: str) -> tuple[str, str]:
     """A name in small letters, and the unit in brackets behind it."""
-    match = _HEADING.fullmatch(cell)
+    match = _HEADING.fullmatch(name)
     return (match[1].casefold(), match[2] or "") if match else ("", "")
 
 
 def _places(cells: Sequence[str], names: Mapping[str, str]) -> _Places:
-    """Where columns of these names are."""
-    found: dict[str, list[tuple[int, float, str]]] = {}
+    """Where columns of these names are; nowhere if one is missing that is needed."""
+    places: _Places = {}
+    twice = ""
     for role, name in names.items():
         sign, (bare, unit) = -1.0 if name.startswith("-") else 1.0, _bare(name.lstrip("-"))
-        known = enumerate(zip(cells, map(_bare, cells), strict=True))
-        found[role] = [(k, sign, unit or own) for k, (cell, (one, own)) in known
-                       if (one == bare and unit in ("", own)) or cell.casefold() == bare]  # fmt: skip
-    if names is not _OWN and not all(found.values()):
+        for k, cell in enumerate(cells):
+            one, own = _bare(cell)
+            if cell.casefold() == bare or (one == bare and unit in ("", own)):
+                twice = name if role in places else twice
+                places[role] = (k, sign, unit or own)
+    if not _enough(places) or (names is not _OWN and len(places) < len(names)):
         return {}
-    if twice := [names[role] for role, among in found.items() if len(among) > 1]:
-        raise InputError(f"curve: more than one column {twice[0]}; leave one, or name it with its unit")
-    return {role: among[0] for role, among in found.items() if among}
+    if twice:
+        raise InputError(f"curve: more than one column {twice}; leave one, or name it with its unit")
+    return places
 
 
-def _heading(file: _File, lines: Sequence[str]) -> tuple[int, str, int, list[_Places]] | None:
+def _heading(columns: Names, lines: Sequence[str]) -> tuple[int, str, int, list[_Places]] | None:
     """The line with names that are known, what is between them, how many, and where those are that are needed."""
-    known = [[_OWN], *map(_legs_named, _EXPORTS)] if file.columns is None else [_legs_named(file.columns)]
-    first = {_bare(name.lstrip("-"))[0] for legs in known for role, name in legs[0].items() if role in ("piezo", "tip")}
-    some = [number for number, line in enumerate(lines) if any(name in line.casefold() for name in first)]
-    for delimiter, number, legs in product("\t;, ", some, known):
-        cells = _cells(lines[number].lstrip("# ").removeprefix("columns:"), delimiter)
-        places = [_places(cells, names) for names in legs]
-        below = next((line for line in lines[number + 1 :] if line.strip() and not line.startswith("#")), "")
-        if all(map(_enough, places)) and (delimiter != " " or len(cells) == len(below.split())):  # and no sentence
-            return number, delimiter, len(cells), places
-    if lines and file.columns is not None:
-        raise _unknown(file, lines)
+    known = _KNOWN if columns is None else [_legs_named(columns)]
+    for number, line in enumerate(lines):
+        if _NUMBERS.fullmatch(line):
+            continue
+        delimiter = next((one for one in "\t;," if one in line), " ")
+        cells = _cells(line.lstrip("# ").removeprefix("columns:"), delimiter)
+        legs = next((legs for names in known if all(legs := [_places(cells, one) for one in names])), [])
+        below = next((one for one in lines[number + 1 :] if legs and one.strip() and not one.startswith("#")), "")
+        if legs and (delimiter != " " or len(cells) == len(below.split())):  # and no sentence
+            return number, delimiter, len(cells), legs
+    if lines and columns is not None:
+        raise _unknown(columns, lines)
     return None
 
 
-def _of_table(file: _File, lines: list[str]) -> _Makers:
+def _of_table(file: _File, lines: Sequence[str]) -> _Makers:
     """Curves of a text with names of columns that are known; none of another."""
-    if (heading := _heading(file, lines)) is None:
+    if (heading := _heading(file.columns, lines)) is None:
         return []
-    number, delimiter, width, legs = heading
-    told = next((match[1].replace(",", ".") for line in lines if (match := _SPRING.match(line))), None)
+    start, delimiter, width, legs = heading
+    told = next((float(match[1].replace(",", ".")) for line in lines if (match := _SPRING.match(line))), None)
     units = next((line.split()[2:] for line in lines if line.startswith("# units:")), [])
-    segment, rows = 0, list[tuple[str, int, list[str]]]()
-    for k, line in enumerate(lines, start=1):
-        segment += line.startswith("# segment:")
-        if k <= number + 1 or not line.strip() or line.lstrip().startswith("#"):
-            continue
-        row, cells = f"'{file.path}', row {k}", _cells(line, delimiter)
-        if any(cells[width:]):
-            much = f"{row} has {len(cells)} values for {width} columns"
-            raise InputError(f"curve: {much}; decimal commas need another separator, such as a semicolon")
-        rows.append((row, segment, cells))
-    if rows and not re.search(r"\d", "".join(rows[0][2])):
-        units = [cell.strip("[]()") for cell in rows.pop(0)[2]]
+    segments = np.cumsum([line.startswith("# segment:") for line in lines])
+    below = [k for k in range(start + 1, len(lines)) if lines[k].strip() and not lines[k].lstrip().startswith("#")]
+    if below and not re.search(r"\d", lines[below[0]]):
+        units = [cell.strip("[]()") for cell in _cells(lines[below.pop(0)], delimiter)]
+    rows: list[dict[str, Any]] = []
+    for leg, places in enumerate(legs):
+        for k in below:
+            cells = _cells(lines[k], delimiter) + width * [""]
+            if len(legs) > 1 and not all(cells[place] for place, *_ in places.values()):
+                continue
+            try:
+                row = _row(cells, width, places, "." if delimiter == "," else ",")
+            except ValueError:
+                much = f"row {k + 1} has {len(cells) - width} values for {width} columns"
+                remedy = "decimal commas need another separator, such as a semicolon, and other texts must go"
+                raise InputError(f"curve: {much}; {remedy}: {lines[k][:80]!r}") from None
+            rows.append({"segment": leg or segments[k], **row})
     if not rows:
-        raise InputError(f"curve: '{file.path}' has no rows below the names of its columns")
-    both = [(row, leg or segment, cells, places) for leg, places in enumerate(legs) for row, segment, cells in rows
-            if len(legs) == 1 or all(any(cells[place : place + 1]) for place, *_ in places.values())]  # fmt: skip
-    columns: dict[str, AnyArray] = {"segment": np.array([segment for _, segment, *_ in both])}
-    for role in legs[0]:
-        decimal = None if role in ("segment", "curve") else "." if delimiter == "," else ","
-        found = [_cell(cells, places[role], f"{row}: {role}", decimal) for row, _, cells, places in both]
-        columns[role] = np.array(found)
+        raise InputError("curve: the file has no rows below the names of its columns")
+    columns = {role: np.array([row[role] for row in rows]) for role in rows[0]}
     unit_of = {role: unit or "".join(units[place : place + 1]) for role, (place, _, unit) in legs[0].items()}
     if unit_of.get("force") in ("m", "V"):  # of JPK
         columns["deflection"], unit_of["deflection"] = columns.pop("force"), unit_of.pop("force")
     known = {role: unit_of[role] for role in COLUMNS if unit_of.get(role)}
-    maps = columns.pop("curve", np.zeros(len(both)))
+    numbers = columns.pop("curve", np.zeros(len(rows)))
     makers: _Makers = []
-    for part in (np.flatnonzero(maps == one) for one in dict.fromkeys(maps.tolist())):
-        own: dict[str, Any] = {role: values[part] for role, values in columns.items()}
+    for number in dict.fromkeys(numbers.tolist()):
+        own: dict[str, Any] = {role: values[numbers == number] for role, values in columns.items()}
         where = {role: parse(f"{own.pop(role)[0]} {unit_of[role] or 'nm'}", "length", f"curve: {role}")
-                 for role in _POSITION if role in own}  # fmt: skip
+                 for role in ("x", "y") if role in own}  # fmt: skip
         if len(legs) == 1 and "segment" not in legs[0]:
             own["segment"] = _legs_by_way(own["piezo" if "piezo" in own else "tip"], own["segment"])
-        settings = {"units": known, "sensitivity": file.sensitivity}
-        makers.append((where, partial(file.curve, told and float(told), **settings, **own)))
+        makers.append((where, partial(file.curve, told, units=known, sensitivity=file.sensitivity, **own)))
     return makers
 
 
-def _cell(cells: list[str], place: tuple[int, float, str], what: str, decimal: str | None) -> Any:
-    """A cell of a row: a text, or a number, of which there may be none."""
-    cell = "".join(cells[place[0] : place[0] + 1])
-    try:
-        return cell if decimal is None else place[1] * float(cell.replace(decimal, ".") or "nan")
-    except ValueError:
-        raise InputError(f"curve: {what} {cell!r} is not a number") from None
+def _row(cells: Sequence[str], width: int, places: _Places, decimal: str) -> dict[str, Any]:
+    """What a row holds, NaN where it ends early; ValueError for one that is too long, or has a text for a number."""
+    if any(cells[width:]):
+        raise ValueError
+    return {
+        role: cells[place]
+        if role in ("segment", "curve")
+        else sign * float(cells[place].replace(decimal, ".") or "nan")
+        for role, (place, sign, _) in places.items()
+    }
 
 
-def _unknown(file: _File, lines: Sequence[str]) -> InputError:
+def _unknown(columns: Names, lines: Sequence[str]) -> InputError:
     """That columns are not found; what they are called may be said in the line above the first numbers."""
-    first = next((k for k, line in enumerate(lines) if re.fullmatch(r"[\d.,;eE+\s-]*\d[\d.,;eE+\s-]*", line)), 0)
+    first = next((k for k, line in enumerate(lines) if _NUMBERS.fullmatch(line)), 0)
     above = lines[max(first - 1, 0)].strip()[:80]
-    wanted = "piezo (or tip) and force (or deflection)" if file.columns is None else f"{file.columns!r}"
+    wanted = "piezo (or tip) and force (or deflection)" if columns is None else f"{columns!r}"
     remedy = "write piezo [nm],force [nN] above the numbers, or give the names with --columns 'piezo=NAME,force=NAME'"
-    return InputError(f"curve: '{file.path}' has no columns {wanted} in its line {above!r}; {remedy}")
+    return InputError(f"curve: the file has no columns {wanted} in its line {above!r}; {remedy}")
 
 
 # Instruments
@@ -371,8 +371,8 @@ def _reading(file: _File, lines: Sequence[str] = ()) -> Iterator[None]:
         elif missing := [key for key in _MISSING if key in getattr(error, "meta_keys", ())]:
             said = f"does not tell {' and '.join(missing)}: give {' and '.join(_MISSING[key] for key in missing)}"
         elif lines and file.path.suffix.lower() not in _INSTRUMENTS:
-            raise _unknown(file, lines) from None
-        raise InputError(f"curve: '{file.path}' {said}") from None
+            raise _unknown(None, lines) from None
+        raise InputError(f"curve: the file {said}") from None
 
 
 def _of_instrument(file: _File, lines: Sequence[str]) -> _Makers:
@@ -386,9 +386,7 @@ def _of_instrument(file: _File, lines: Sequence[str]) -> _Makers:
 
         try:
             groups = afmformats.load_data(file.path)
-        except afmformats.errors.MissingMetaDataError as error:
-            if not set(error.meta_keys) <= set(given):
-                raise
+        except afmformats.errors.MissingMetaDataError:
             groups = afmformats.load_data(file.path, meta_override=given)
     return [(_position(data.metadata), partial(_of_data, file, data, given.get("sensitivity"))) for data in groups]
 
@@ -407,13 +405,11 @@ def _of_data(file: _File, data: Any, sensitivity: float | None, place: dict[str,
     return file.curve(data.metadata.get("spring constant"), piezo=piezo, force=force, segment=segment, place=place)
 
 
-def _position(metadata: Any) -> dict[str, float]:
+def _position(metadata: Mapping[str, Any]) -> dict[str, float]:
     """Where in a map a curve was measured, in nm, or its row and column."""
-    for factor, keys in (
-        (1e9, {"x": "position x", "y": "position y"}),
-        (1.0, {"column": "grid index x", "row": "grid index y"}),
-    ):
-        known = {key: factor * float(metadata.get(name, math.nan)) for key, name in keys.items()}
+    for factor, names in ((1e9, {"x": "position x", "y": "position y"}),
+                          (1.0, {"column": "grid index x", "row": "grid index y"})):  # fmt: skip
+        known = {key: factor * float(metadata.get(name, math.nan)) for key, name in names.items()}
         if all(map(math.isfinite, known.values())):
             return known
     return {}
