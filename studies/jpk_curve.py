@@ -1,14 +1,13 @@
 """A file of an instrument fitted twice: by a contact that explains it, and by one that does not.
 
-    python studies/jpk_curve.py [FILE]
+    python studies/jpk_curve.py
 
-The file, of a JPK CellHesion, is from the source distribution of afmformats 0.18.7 (tests/data, MIT licence). It does not
-tell its tip: a bead of radius 2.5 µm is assumed. The figure is `docs/figures/jpk-curve.png`.
+The file, of a JPK CellHesion, is from the source distribution of afmformats 0.18.7 (tests/data, MIT licence). It does
+not tell its tip: a bead of radius 2.5 µm is assumed. The figure is `docs/figures/jpk-curve.png`.
 """
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import matplotlib.image
@@ -19,21 +18,16 @@ import contbranch as cb
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "tests" / "reference" / "force_curves" / "fmt-jpk-fd_spot3-0192.jpk-force"
 FIGURE = ROOT / "docs" / "figures" / "jpk-curve.png"
-BEAD = {"radius": "2.5 um", "modulus": "10 kPa"}
-ADHESION = {"interaction": "maugis-dugdale", "work_of_adhesion": "0.1 mN/m", "range": "10 nm"}
-
-
-def fits(file: str | Path = FILE) -> dict[str, cb.Fit]:
-    """By title: Hertz' theory, whose legs differ, and JKR's, whose pull-off the curve does not have."""
-    curve = cb.read_force_curve(file)
-    hertz = cb.fit(curve, cb.Contact.physical(**BEAD), ("modulus",))
-    return {"(a) Hertz": hertz, "(b) JKR": cb.fit(curve, cb.Contact.physical(**BEAD, **ADHESION), law="jkr")}
 
 
 def main() -> None:
     """Fit, print, draw what is close to the contact."""
-    panels = []
-    for title, fit in fits(*sys.argv[1:2]).items():
+    curve, panels = cb.read_force_curve(FILE), []
+    bead = {"radius": "2.5 um", "modulus": "10 kPa"}
+    adhesion = {"interaction": "maugis-dugdale", "work_of_adhesion": "0.1 mN/m", "range": "10 nm"}
+    hertz = cb.fit(curve, cb.Contact.physical(**bead), ("modulus",))
+    jkr = cb.fit(curve, cb.Contact.physical(**bead, **adhesion), law="jkr")
+    for title, fit in (("(a) Hertz", hertz), ("(b) JKR", jkr)):
         print(title, fit, "", sep="\n")
         figure = fit.plot()
         figure.axes[0].set_xlim(-18.35, -17.78)

@@ -1,9 +1,10 @@
 """A measured force curve fitted: a silicon nitride probe (radius 20 nm) on a 1.184 N/m cantilever.
 
-    python studies/sin_curve.py [RAW.ibw]
+    python studies/sin_curve.py [RAW.ibw]    # under a minute
 
 The curve is `sin_force_curve.csv` (CC0, from the source distribution of afmformats 0.18.7, where its raw file is
-tests/data/fmt-igor-fd_SiN_FD_plot.ibw); a raw file is read in its place if it is given. The figure is
+tests/data/fmt-igor-fd_SiN_FD_plot.ibw); a raw file is read in its place if it is given. Both legs are those of one
+contact if the sensitivity is free; with the one recorded they are not, and each is fitted by itself. The figure is
 `docs/figures/force-curve.png`.
 """
 

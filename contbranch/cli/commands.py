@@ -56,6 +56,11 @@ _OPTIONS = {
     "--spring": ("K", "Stiffness of the cantilever, such as '0.5 N/m', in place of the file's."),
     "--sensitivity": ("S", "Deflection by voltage, such as '50 nm/V', where the file has none, or in place of it."),
     "--columns": ("ROLE=NAME,…", "Columns of a text, such as 'piezo=-Height (nm),deflection=Defl (V)'; - reverses."),
+    "--leg": ("auto|approach|retract|both", "What is fitted; auto: both, or each by itself.  [default: auto]"),
+    "--baseline": ("auto|one|each", "One baseline and tilt, or one for each leg.  [default: auto]"),
+    "--max-indentation": ("D", "Leave out what is pressed deeper, such as '500 nm'."),
+    "--max-force": ("F", "Leave out larger forces above the baseline, such as '2 nN'."),
+    "--min-force": ("F", "Leave out smaller forces in contact; negative: in attraction."),
     "--law": ("NAME", "Another law than the contact's; jkr, dmt, or compare."),
     "--shape": ("ROWSxCOLUMNS", "Of a map whose curves lie row by row.  [default: as files or names say]"),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
@@ -72,6 +77,7 @@ _OPTIONS = {
     "-o --page": ("FILE.html", "Write the page."),
 }
 _SHARED = tuple(_OPTIONS)[:8]
+_PARTS = ("--leg", "--baseline", "--max-indentation", "--max-force", "--min-force")
 _SUFFIXES = {
     "--json": ".json",
     "--csv": ".csv",
@@ -242,6 +248,8 @@ def _fit(asked: Values) -> Any:
     contact, _ = read_contact(asked.contact)
     how: dict[str, Any] = {"free": asked.free or ("work_of_adhesion,modulus" if contact.interaction else "modulus")}
     how |= {"fixed": asked.fixed or "", "law": asked.law}
+    chosen = {name.strip("-").replace("-", "_") for name in _PARTS}
+    how |= {name: getattr(asked, name) for name in chosen if getattr(asked, name) is not None}
     folder = Path(asked.source).is_dir()
     reading = {name: getattr(asked, name) for name in ("spring", "sensitivity", "columns")}
     curves: list[Any] = [] if folder else list(curves_in(asked.source, **reading))
@@ -317,7 +325,18 @@ COMMANDS = {
     "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
     "fit": Command(
         _fit,
-        ("--free", "--fixed", "--spring", "--sensitivity", "--columns", "--law", "--shape", *_SWEEPING, *_OUTPUTS),
+        (
+            "--free",
+            "--fixed",
+            "--spring",
+            "--sensitivity",
+            "--columns",
+            "--law",
+            *_PARTS,
+            "--shape",
+            *_SWEEPING,
+            *_OUTPUTS,
+        ),
         ("CURVE", "Force curve: text (piezo [nm],force [nN]), .ibw, .jpk-force, …; a map, or a folder of curves."),
         own=("-o",),
         second=("CONTACT", "TOML file with the contact: what stays, and where to start."),

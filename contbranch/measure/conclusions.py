@@ -59,15 +59,14 @@ def concluded(
     safe = np.where(errors > 0, errors, 1.0)
     spreads = dict(zip(values, errors.tolist(), strict=True))
     fitted = np.full(len(minimiser.curve), math.nan)
-    fitted[found.comparison.samples], _, _ = minimiser.model(problem, found.x, found.comparison)
+    fitted[found.comparison.samples], *_ = minimiser.model(problem, found.x, found.comparison)
     contact, most = state.contact, minimiser.seen.largest * state.sensitivity
+    lost = _no_such_contact(minimiser, found, jumps)
     result = Fit(
         values=values,
         errors=spreads,
         correlations=Correlations(tuple(values), covariance / np.outer(safe, safe)),
-        determined=()
-        if tied or not found.converged or _elsewhere(minimiser, found) or _beyond(minimiser, jumps) > NEIGHBOURS
-        else _known(minimiser, found, values, spreads),
+        determined=() if tied or not found.converged or lost else _known(minimiser, found, values, spreads),
         jumps=jumps,
         rms=found.rms,
         noise=minimiser.seen.noise,
@@ -87,7 +86,7 @@ def concluded(
         cost=Cost(0.0, minimiser.evaluations),
         traced=None if problem.limit else partial(_loop, contact, state.spring, most),
     )
-    return replace(result, message=_message(minimiser, found, result, halved or {}))
+    return replace(result, message=_message(minimiser, found, result, lost, halved or {}))
 
 
 def apart(approach: Fit, retract: Fit) -> Fit:
@@ -184,18 +183,18 @@ def _covariance(
     return covariance * np.outer(factor, factor), tied
 
 
-def _elsewhere(minimiser: Minimiser, found: Minimum) -> float:
-    """What the model leaves of the force in contact, if that is too much for values to mean anything; otherwise 0."""
+def _no_such_contact(minimiser: Minimiser, found: Minimum, jumps: Sequence[FitJump]) -> str:
+    """Why values mean nothing, if they do: much of the force in contact is left, or the contact lets go too early."""
+    words = "This is not a curve of such a contact, and the values mean nothing: "
     rest, force = minimiser.misfit(found)
-    rest = math.sqrt(max(rest**2 - minimiser.seen.noise**2, 0.0))
-    return rest if rest > ELSEWHERE * force else 0.0
-
-
-def _beyond(minimiser: Minimiser, jumps: Sequence[FitJump]) -> int:
-    """Number of samples of a retraction that is not back at a baseline behind the fitted jump out of contact."""
+    if rest**2 - minimiser.seen.noise**2 > (ELSEWHERE * force) ** 2:
+        closest = f"{readable(rest, 'nN')} away from the closest one, whose forces are {readable(force, 'nN')} there"
+        return f"{words}in contact it is {closest}."
     place = next((jump.fitted["piezo"] for jump in jumps[-1:] if jump.fitted and not jump.measured), -math.inf)
-    back = minimiser.curve.piezo[minimiser.used(True)]
-    return 0 if minimiser.seen.returned else int(np.sum(back < place))
+    beyond = int(np.sum(minimiser.curve.piezo[minimiser.used(True)] < place))
+    if beyond > NEIGHBOURS and not minimiser.seen.returned:
+        return f"{words}it lets go before the last {beyond} samples of the retraction."
+    return ""
 
 
 def _known(minimiser: Minimiser, found: Minimum, values: dict[str, float], errors: dict[str, float]) -> tuple[str, ...]:
@@ -241,12 +240,10 @@ def _jumps(minimiser: Minimiser, seen: Features, state: State, approach: Leg, re
     return tuple(found)
 
 
-def _message(minimiser: Minimiser, found: Minimum, fit: Fit, halved: Mapping[str, float]) -> str:
+def _message(minimiser: Minimiser, found: Minimum, fit: Fit, lost: str, halved: Mapping[str, float]) -> str:
     """What the data tell, and what not."""
     values, errors, known, problem, seen = fit.values, fit.errors, fit.determined, found.problem, minimiser.seen
-    rest, force = minimiser.misfit(found)
     (slope, _), tabor = minimiser.slope(), problem.state(found.x).contact.tabor or 0.0
-    beyond = _beyond(minimiser, fit.jumps)
     change = halved.get("modulus", math.nan) / values.get("modulus", math.nan) - 1.0
     unknown = [
         f"{name} (± {100 * errors[name] / abs(value):.0f} %)"
@@ -262,10 +259,7 @@ def _message(minimiser: Minimiser, found: Minimum, fit: Fit, halved: Mapping[str
         "There is no baseline in the data: baseline, tilt and contact point follow from the shape of the curve in "
         "contact alone.": not (seen.begun or seen.returned),
         "The minimisation did not converge: values and errors are those of where it has come to.": not found.converged,
-        f"This is not a curve of such a contact: in contact it is {readable(rest, 'nN')} away from the closest one, "
-        f"whose forces are {readable(force, 'nN')} there, and the values mean nothing.": _elsewhere(minimiser, found),
-        f"This is not a curve of such a contact: it lets go before the last {beyond} samples of the retraction, and "
-        "the values mean nothing.": beyond > NEIGHBOURS,
+        lost: lost,
         f"The data determine {_listed(known)}." if known else "The data determine none of the values.": found.converged,
         f"They do not determine {_listed(unknown)}.": found.converged and unknown,
         f"Pressed most, the force rises by {slope / minimiser.stiffness:.2f} of the spring's stiffness: a compliant "

@@ -172,7 +172,7 @@ def features(
     for back, leg in own.items():
         jump = jumps[back]
         pulled = leg if jump is None else leg[leg <= jump.before]
-        for turned, ends in ((1.0, leg[::-1] if back else leg), (-1.0, pulled if back else leg[:0])):
+        for turned, ends in ((1.0, leg[::-1] if back else leg), (-1.0, pulled if back and adhesive else leg[:0])):
             level = _end_level(turned * force[ends], curve.piezo[ends], noise)
             if level is None or not (suspect or _one_number(force[ends], noise, step)):
                 suspected |= level is not None
@@ -231,11 +231,6 @@ def _refuse(
 ) -> None:
     """Raise InputError where there is nothing to fit; forces are those above the baseline."""
     allowed, (lowest, largest) = SEEN * noise, extremes
-    if all(_ramp(curve.force[leg], noise) for leg in own.values() if leg.size >= 2 * NEIGHBOURS):
-        raise InputError(
-            "curve: the force is a straight ramp; are columns swapped, is there no contact in it, or too little of the "
-            "baseline before it?"
-        )
     if max(-lowest, largest) < allowed:
         raise InputError(
             f"curve: nothing but noise, of {noise:.3g} nN: the force leaves its baseline by "
@@ -362,14 +357,6 @@ def _gains(curve: ForceCurve, force: Array, own: dict[bool, Indices], allowed: f
     return apart.size >= JUMP_SAMPLES and bool(apart.mean() < -0.1 * -float(force.min()))
 
 
-def _ramp(force: Array, noise: float) -> bool:
-    """Whether a force is a straight line in time within the noise, as the position of a piezo is."""
-    time = np.arange(float(force.size))
-    height, slope, _ = straight_line(time, force)
-    rest = force - height - slope * time
-    return float(np.ptp(force)) > 50 * noise and float(np.std(rest)) < 2 * noise
-
-
 def _noise(curve: ForceCurve, own: dict[bool, Indices]) -> float:
     """From second differences where the force is flattest."""
     found = []
@@ -377,8 +364,9 @@ def _noise(curve: ForceCurve, own: dict[bool, Indices]) -> float:
         if leg.size < 12:
             continue
         bends = np.diff(curve.force[leg], 2) / math.sqrt(6.0)
-        parts = np.array_split(bends, max(1, min(5, bends.size // 10)))
-        found += [1.4826 * float(np.median(np.abs(part - np.median(part)))) for part in parts]
+        parts = max(1, min(5, bends.size // 10))
+        rows = bends[: bends.size // parts * parts].reshape(parts, -1)
+        found += (1.4826 * np.median(np.abs(rows - np.median(rows, axis=1, keepdims=True)), axis=1)).tolist()
     return float(np.median(found)) if found else 0.0
 
 

@@ -16,7 +16,7 @@ from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS
 from contbranch.contact.parameters import parameters_of
 from contbranch.contact.tips import Parabola
-from contbranch.contact.units import Quantity, parse
+from contbranch.contact.units import Quantity, parse, positive_number
 from contbranch.errors import InputError, ModelError, look_up
 from contbranch.measure.comparison import Comparison
 from contbranch.measure.conclusions import apart, concluded
@@ -131,8 +131,11 @@ def fit(
         if law in (*LIMITS, "compare") and contact.interaction and work <= 0:
             raise InputError(f"law: {law}; is for attraction, and the work of adhesion is {work:g}")
         limits = {"max_indentation": max_indentation, "max_force": max_force, "min_force": min_force}
-        kinds = {name: "length" if name == "max_indentation" else "force" for name in limits}
-        ranges = {name: parse(value, kinds[name], name) for name, value in limits.items() if value is not None}
+        ranges: dict[str, float] = {}
+        for name, value in limits.items():
+            if value is not None:
+                number = parse(value, "length" if name == "max_indentation" else "force", name)
+                ranges[name] = number if name == "min_force" else positive_number(number, name)
         settings = Settings(curve.with_spring(spring), contact, named(free), named(fixed), law, baseline, ranges)
         look_up(leg, dict.fromkeys(LEGS), "leg")
         look_up(baseline, dict.fromkeys(BASELINES), "baseline")
@@ -182,7 +185,7 @@ def _of_legs(settings: Settings, leg: str) -> Fit:
         return joint.concluded()
     alone = [_alone(settings, back) for back in legs]
     single = [one.concluded() for one in alone]
-    pairs = [(joint.minimiser.misfit(joint.found, back)[0], one.rest[0]) for back, one in zip(legs, alone, strict=True)]
+    pairs = [(joint.left(back), one.left()) for back, one in zip(legs, alone, strict=True)]
     if leg == "both" or all(together < MISFIT * apart for together, apart in pairs):
         return joint.concluded(single)
     separate, together = apart(*single), joint.concluded(single)
@@ -209,8 +212,6 @@ class _Fitting:
     Attributes
     ----------
     found : Minimum
-    rest : (float, float)
-        What it leaves of the force in contact, and that force, root mean squares.
     """
 
     def __init__(self, settings: Settings, legs: Sequence[bool], each: bool, suspect: bool = False) -> None:
@@ -228,16 +229,19 @@ class _Fitting:
         if settings.law != "compare":
             self.found = self.law(settings.law)
             self.found = self._within(self.found, settings.ranges)
-            self.rest = minimiser.misfit(self.found)
             if minimiser.seen.suspected and not self.explains():
                 other = _Fitting(settings, legs, each, suspect=True)
-                if other.explains() or other.rest[0] < self.rest[0] / MISFIT:
+                if other.explains() or MISFIT * other.left() < self.left():
                     self.__dict__.update(other.__dict__)
 
     def explains(self) -> bool:
         """Whether no more is left than the noise, in all and anywhere, and nothing that varies slowly."""
         found, noise = self.found, self.minimiser.seen.noise
         return found.rms <= MISFIT * noise and found.worst <= LONG and found.deviation <= LONG * noise
+
+    def left(self, *legs: bool) -> float:
+        """Root mean square of what is left of the force in contact."""
+        return self.minimiser.misfit(self.found, *legs)[0]
 
     def concluded(self, alone: Sequence[Fit] = ()) -> Fit:
         """The result; its errors allow for what legs fitted each by itself determine."""
@@ -270,7 +274,10 @@ class _Fitting:
             one = replace(problem, guess=state)
             found.append(self.minimiser.minimised(one, one.vector(state), self.minimiser.samples, (noise, MOST)))
         if not found:
-            raise InputError("curve: the force rises nowhere as that of a contact; there is none to fit")
+            raise InputError(
+                "curve: no modulus fits: the force rises nowhere, or as steeply as the spring; there is no contact "
+                "in it, or one that is too stiff for this cantilever"
+            )
         return self._weighted(found)
 
     def _within(self, found: Minimum, ranges: Mapping[str, float]) -> Minimum:
@@ -345,39 +352,36 @@ class _Fitting:
 
     def _followed(self, problem: Problem) -> Minimum:
         """The best minimum: starts tried roughly, the best of them followed to the end."""
-        noise = self.minimiser.seen.noise
-        tried: list[Minimum] = []
+        minimiser, noise, tried = self.minimiser, self.minimiser.seen.noise, list[Minimum]()
         failure: Exception | None = None
-        rough = max(noise, 0.02 * max(abs(self.minimiser.seen.lowest), self.minimiser.seen.largest * 0.1))
+        rough = max(noise, 0.02 * max(abs(minimiser.seen.lowest), minimiser.seen.largest * 0.1))
         pilot = problem
         if problem.by_tabor and not problem.limit:  # Maugis' closed form leads close enough
             pilot = problem.with_law(_with_law(problem.start.contact, "maugis-dugdale"))
-        for k, x in enumerate(starts(self.minimiser, pilot)):
+        for k, x in enumerate(starts(minimiser, pilot)):
             if over() and tried:
                 break
             try:
                 tell(0.1 * k, f"start {k + 1}")
-                tried.append(self.minimiser.minimised(pilot, x, self.minimiser.samples, (rough, TRIED)))
+                tried.append(minimiser.minimised(pilot, x, minimiser.samples, (rough, TRIED)))
             except (ModelError, InputError, FloatingPointError) as error:
                 failure = error
             except INTERRUPTIONS as error:
                 caught(error)
                 with finishing(), suppress(ModelError):  # the start itself is there then
-                    tried.append(self.minimiser.minimised(pilot, x, self.minimiser.samples, (rough, 1)))
+                    tried.append(minimiser.minimised(pilot, x, minimiser.samples, (rough, 1)))
         if not tried:
             raise ModelError(told(f"fit: the contact cannot be traced near the curve. {failure or ''}".strip()))
         tried.sort(key=lambda one: one.cost)
-        chosen = _distinct([one for one in tried if one.cost <= WITHIN * tried[0].cost + TOLD])[:BEST]
         found: list[Minimum] = []
-        for one in chosen:
+        for one in _distinct([one for one in tried if one.cost <= WITHIN * tried[0].cost + TOLD])[:BEST]:
             worse = (one.cost - tried[0].cost) * (rough / noise) ** 2 > 4 * TOLD
-            fits = found and found[0].cost < MISFIT**2 * found[0].comparison.samples.size
-            if found and (over() or (fits and worse)):  # one start has led to a fit, this one was clearly worse
+            if found and (over() or (worse and found[0].rms < MISFIT * noise)):  # one start has led to a fit
                 break
             try:
-                one = self.minimiser.minimised(problem, one.x, self.minimiser.samples, (max(noise, 0.2 * rough), TRIED))
+                one = minimiser.minimised(problem, one.x, minimiser.samples, (max(noise, 0.2 * rough), TRIED))
                 for evaluations in (TRIED, MOST):  # each time with jumps where the last one puts them
-                    one = self.minimiser.minimised(problem, one.x, self.minimiser.labelled(one), (noise, evaluations))
+                    one = minimiser.minimised(problem, one.x, minimiser.labelled(one), (noise, evaluations))
             except ModelError:
                 if not over():
                     raise

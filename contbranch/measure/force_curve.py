@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any, Self
 
@@ -13,10 +14,12 @@ from numpy.typing import ArrayLike
 
 from contbranch.arrays import AnyArray, Array, Flags, Indices
 from contbranch.contact.units import Quantity, is_unit, parse, positive_number
-from contbranch.errors import InputError
+from contbranch.errors import InputError, refuse_unknown
 
 # What a curve can be made of, and its dimension.
 COLUMNS = {"piezo": "length", "tip": "length", "force": "force", "deflection": "length"}
+# What else can be said of a curve.
+_OPTIONS = ("units", "sensitivity", "deflected", "source", "place")
 # Legs with fewer samples than this say nothing.
 LEAST = 8
 # Columns that change by less than this (nm, nN) are in metres and newtons.
@@ -78,10 +81,10 @@ class ForceCurve:
     spring: float | None
     retract: Flags
     pause: Flags
-    source: str = ""
-    deflected: bool = False
-    rigid: bool = field(default=False)
-    place: Mapping[str, float] = field(default_factory=dict)
+    source: str
+    deflected: bool
+    rigid: bool
+    place: Mapping[str, float]
 
     def __init__(
         self,
@@ -91,23 +94,22 @@ class ForceCurve:
         segment: Sequence[Any] | AnyArray | None = None,
         **others: Any,
     ) -> None:
-        units: Mapping[str, str] = others.pop("units", None) or {}
-        source, place = str(others.pop("source", "")), others.pop("place", None) or {}
-        sensitivity, deflected = others.pop("sensitivity", None), bool(others.pop("deflected", False))
-        given = {"piezo": piezo, "force": force, **others}
-        if unknown := [name for name in (*given, *units) if name not in COLUMNS]:
-            others = dict.fromkeys(("spring", "segment", "units", "sensitivity", "deflected", "source", "place"))
-            raise InputError(f"curve: {unknown[0]!r} is not known; must be one of {', '.join(COLUMNS | others)}")
+        refuse_unknown(others, (*COLUMNS, *_OPTIONS), "curve: ")
+        units, sensitivity, deflected, source, place = (others.pop(name, None) for name in _OPTIONS)
+        units = units or {}
+        refuse_unknown(units, COLUMNS, "curve: units: ")
         if sensitivity is not None and is_unit(units.get("deflection") or "nm"):
-            raise InputError(
-                f"sensitivity: {sensitivity!r}; no deflection is in volts: leave it out, or name the unit, V"
-            )
-        known = {name: values for name, values in given.items() if values is not None}
-        columns = {name: _column(values, name, units.get(name), sensitivity) for name, values in known.items()}
+            raise InputError(f"sensitivity: {sensitivity!r}; no deflection is in volts: leave it out, or add its unit")
+        columns = {
+            name: _column(values, name, units.get(name), sensitivity)
+            for name, values in {"piezo": piezo, "force": force, **others}.items()
+            if values is not None
+        }
         for one, other in (("piezo", "tip"), ("force", "deflection")):
             if (one in columns) == (other in columns):
                 raise InputError(f"curve: give either {one} or {other}")
         sizes = {name: values.size for name, values in columns.items()}
+        sizes |= {} if segment is None else {"segment": np.size(segment)}
         if len(set(sizes.values())) > 1:
             much = " and ".join(f"{n} {name}" for name, n in sizes.items())
             raise InputError(f"curve: {much} values; must be as many")
@@ -116,12 +118,11 @@ class ForceCurve:
             raise InputError("spring: missing; a deflection becomes a force with the stiffness of the cantilever")
         found = columns["force"] if "force" in columns else (stiffness or 0.0) * columns["deflection"]
         drive = columns["piezo"] if "piezo" in columns else columns["tip"] + (found / stiffness if stiffness else 0.0)
-        retract, pause = _split(drive, found) if segment is None else _named(segment, drive.size)
+        retract, pause = _split(drive, found) if segment is None else _named(segment)
         order = _order(drive, retract, pause)
-        drive, found = drive[order], found[order]
-        deflected = "deflection" in columns or (deflected and stiffness is not None)
-        self.__dict__.update(piezo=drive, force=found, spring=stiffness, retract=retract, pause=pause, source=source)
-        self.__dict__.update(place=dict(place), deflected=deflected, rigid="tip" in columns and stiffness is None)
+        self.__dict__.update(piezo=drive[order], force=found[order], spring=stiffness, retract=retract, pause=pause)
+        self.__dict__.update(rigid="tip" in columns and stiffness is None, source=source or "", place=dict(place or {}))
+        self.__dict__["deflected"] = stiffness is not None and bool(deflected or "deflection" in columns)
         self._check()
 
     def __len__(self) -> int:
@@ -137,9 +138,8 @@ class ForceCurve:
         """
         if spring is None:
             return self
-        stiffness = stiffness_of(spring)
-        changed = object.__new__(type(self))
-        changed.__dict__.update(self.__dict__ | {"spring": stiffness, "rigid": False})
+        stiffness, changed = stiffness_of(spring), copy(self)
+        changed.__dict__.update(spring=stiffness, rigid=False)
         if self.rigid:
             changed.__dict__["piezo"] = self.piezo + self.force / stiffness
         if self.deflected and self.spring:
@@ -158,19 +158,21 @@ class ForceCurve:
         return found if found.size >= LEAST else found[:0]
 
     def _check(self) -> None:
-        if not self.leg(False).size + self.leg(True).size:
+        legs = (self.leg(False), self.leg(True))
+        if not any(leg.size for leg in legs):
             much = f"{len(self) - int(self.pause.sum())} samples on approach and retraction, the others in pauses"
             raise InputError(f"curve: {much}; must be at least {LEAST} on one of them")
-        for word, sense, way in (("approach", "grow", 1.0), ("retract", "fall", -1.0)):
-            leg = way * self.piezo[self.leg(word == "retract")]
-            if leg.size < 2 * LEAST:
-                continue
-            ways = np.diff([float(part.mean()) for part in np.array_split(leg, LEAST)])
+        for leg, words, way in zip(
+            legs, ("grow steadily on approach", "fall steadily on retract"), (1, -1), strict=True
+        ):
+            ways = np.diff(
+                [part.mean() for part in np.array_split(way * self.piezo[leg], LEAST) if leg.size >= 2 * LEAST]
+            )
             # where nothing goes back, steps, pauses and dense parts are steady
-            if ways.sum() <= 0.0 or (ways.min() < 0.0 and np.median(ways) <= STEADY * ways.mean()):
+            if ways.size and (ways.sum() <= 0.0 or (ways.min() < 0.0 and np.median(ways) <= STEADY * ways.mean())):
                 raise InputError(
-                    f"curve: the piezo position does not {sense} steadily on {word}; are columns swapped, or does it "
-                    "grow away from the surface (then give its negative)?"
+                    f"curve: the piezo position does not {words}; are columns swapped, or does it grow away from the "
+                    "surface (then give its negative)?"
                 )
 
 
@@ -179,11 +181,10 @@ def _order(drive: Array, retract: Flags, pause: Flags) -> Indices:
     order = np.arange(drive.size)
     legs = [np.flatnonzero((retract == back) & ~pause) for back in (False, True)]
     if min(leg.size for leg in legs) >= LEAST:
-        ends = [np.array_split(drive[leg], LEAST) for leg in legs]
-        wrong = [way * (parts[-1].mean() - parts[0].mean()) < 0 for way, parts in zip((1, -1), ends, strict=True)]
-        if sum(wrong) == 1:
-            leg = legs[wrong.index(True)]
-            order[leg] = leg[::-1]
+        approach, leave = (np.diff([part.mean() for part in np.array_split(drive[leg], LEAST)]).sum() for leg in legs)
+        if approach * leave > 0.0:
+            wrong = legs[int(approach > 0.0)]
+            order[wrong] = wrong[::-1]
     return order
 
 
@@ -201,8 +202,8 @@ def scale(name: str, unit: str, sensitivity: Quantity = None) -> float:
         return positive_number(parse(f"{text}*{unit}", "length", ""), "")
     except InputError:
         said = "missing" if sensitivity is None else repr(sensitivity)
-        example = f"must be a length above zero per {unit}, such as '50 nm/{unit}'"
-        raise InputError(f"sensitivity: {said}; {example}") from None
+        wanted = f"a length above zero per {unit}, such as '50 nm/{unit}'"
+        raise InputError(f"sensitivity: {said}; must be {wanted}") from None
 
 
 def _column(values: ArrayLike, name: str, unit: str | None, sensitivity: Quantity) -> Array:
@@ -211,32 +212,26 @@ def _column(values: ArrayLike, name: str, unit: str | None, sensitivity: Quantit
         found = np.array(values, dtype=float).ravel()
     except (TypeError, ValueError) as error:
         raise InputError(f"curve: {name} must be numbers ({error})") from None
-    if found.size < 2 * LEAST:
-        raise InputError(f"curve: {found.size} values of {name}; must be at least {2 * LEAST}")
     wrong = int((~np.isfinite(found)).sum())
-    if wrong:
-        raise InputError(f"curve: {wrong} of {found.size} values of {name} are not finite; leave those samples out")
+    if wrong or found.size < 2 * LEAST:
+        much = f"{found.size} values of {name}, {wrong} of them not finite"
+        raise InputError(f"curve: {much}; must be at least {2 * LEAST}, all finite: leave the others out")
     if unit is not None:
         found *= scale(name, unit, sensitivity)
-    change, unit, other = float(np.ptp(found)), *(("nN", "N") if name == "force" else ("nm", "m"))
+    change, (unit, other) = float(np.ptp(found)), ("nN", "N") if name == "force" else ("nm", "m")
     if 0.0 < change < METRES[name]:
-        raise InputError(
-            f"curve: {name} changes by {change:.2g} {unit} in all; is its unit another one, such as {other}? "
-            f"Give it: '{name} [{other}]' in a file's first line, or units={{'{name}': '{other}'}}"
-        )
+        given = f"'{name} [{other}]' in a file's first line, or units={{'{name}': '{other}'}}"
+        raise InputError(f"curve: {name} changes by {change:.2g} {unit}; is its unit such as {other}? Give it: {given}")
     return found
 
 
-def _named(segment: Sequence[Any] | AnyArray, count: int) -> tuple[Flags, Flags]:
+def _named(segment: Sequence[Any] | AnyArray) -> tuple[Flags, Flags]:
     """Which samples belong to the retraction, and which to a pause, as they are named."""
-    words = np.asarray(segment).ravel()
-    if words.size != count:
-        raise InputError(f"curve: {words.size} values of segment and {count} positions; must be as many")
-    texts = np.char.lower(np.char.strip(words.astype(str)))
-    approach, retract, pause = (np.isin(texts, known) for known in WORDS.values())
+    words = np.char.lower(np.char.strip(np.asarray(segment).ravel().astype(str)))
+    approach, retract, pause = (np.isin(words, known) for known in WORDS.values())
     known = approach | retract | pause
     if not known.all():
-        raise InputError(f"curve: segment {str(texts[~known][0])!r}; must be {', '.join(WORDS)}, 0 or 1")
+        raise InputError(f"curve: segment {str(words[~known][0])!r}; must be {', '.join(WORDS)}, 0 or 1")
     return retract, pause
 
 

@@ -17,7 +17,7 @@ from contbranch.errors import InputError
 from contbranch.measure.comparison import Comparison, Leg, legs
 from contbranch.measure.features import NEIGHBOURS, SEEN, features, straight_line
 from contbranch.measure.force_curve import ForceCurve
-from contbranch.measure.quantities import LINEAR, Problem, State
+from contbranch.measure.quantities import Problem, State
 from contbranch.measure.reduced import curve_of
 from contbranch.watch import INTERRUPTIONS, caught, check, finishing
 
@@ -172,13 +172,13 @@ class Minimiser:
         bent = self.stiffness / state.spring if self.curve.deflected and math.isfinite(state.spring) else 1.0
         return bent / state.sensitivity
 
-    def model(self, problem: Problem, x: Array, comparison: Comparison) -> tuple[Array, Array, Array]:
-        """The recorded force at the samples, its slope, and how far the jumps are from their places."""
+    def model(self, problem: Problem, x: Array, comparison: Comparison) -> tuple[Array, Array, Array, Array]:
+        """The recorded force at the samples, the part of the contact, its slope, and how far jumps are from theirs."""
         state, samples = problem.state(x), comparison.samples
         pair, place, gain = self.legs(problem, state), state.line[0], self.gain(state)
         force, slope = comparison.forces(*pair, place)
         lines = state.baseline(self.curve.piezo[samples], self.curve.retract[samples])
-        return force * gain + lines, slope * gain, comparison.places(*pair, place)
+        return force * gain + lines, force * gain, slope * gain, comparison.places(*pair, place)
 
     def minimised(
         self,
@@ -202,28 +202,38 @@ class Minimiser:
         varied = np.arange(x.size) != (-1 if held is None else held)
         measured = self.curve.force[comparison.samples]
         wide = max(1.0, spread / self.seen.noise / math.sqrt(measured.size))  # of places, by the distance of samples
-        known: tuple[Array, Array, Array] | None = None  # vector, residuals and slopes where it has come to
-        last: dict[bytes, tuple[Array, Array]] = {}  # MINPACK asks for derivatives where it has just been
+        reached: tuple[Array, Array, Array] | None = None  # vector, residuals and slopes where it has come to
+        last: dict[bytes, tuple[Array, Array, Array]] = {}  # MINPACK asks for derivatives where it has just been
 
         def placed(part: Array) -> Array:
             at = x.copy()
             at[varied] = part
             return np.clip(at, low, high)
 
-        def residuals(at: Array) -> tuple[Array, Array]:
+        def residuals(at: Array) -> tuple[Array, Array, Array]:
             if at.tobytes() not in last:
                 check()
                 self.evaluations += 1
-                force, slope, places = self.model(problem, at, comparison)
+                force, own, slope, places = self.model(problem, at, comparison)
                 last.clear()
-                last[at.tobytes()] = np.append((force - measured) / spread, places / wide), slope
+                last[at.tobytes()] = np.append((force - measured) / spread, places / wide), own, slope
             return last[at.tobytes()]
 
         def slopes(at: Array) -> tuple[Array, Array]:
-            base, slope = residuals(at)
-            found = self._known_slopes(problem, at, comparison, slope, (spread, wide))
+            base, own, slope = residuals(at)
+            state, found = problem.state(at), np.zeros((base.size, at.size))
+            known = self.columns(problem, comparison.samples) | {"contact_point": -slope}
+            if state.contact.interaction is None:  # at F = E f(d) and z = d + F/K
+                known["modulus"] = own * (1.0 - slope / self.gain(state) / state.spring)
             for k, name in enumerate(problem.names):
-                if varied[k] and not found[:, k].any() and name not in LINEAR:
+                if name in known:
+                    found[: measured.size, k] = known[name] / spread
+            if base.size > measured.size and "contact_point" in problem.names:
+                step = STEP * state.contact.scales.normal
+                places = comparison.places(*self.legs(problem, state), state.line[0] + step) / wide
+                found[measured.size :, problem.names.index("contact_point")] = (places - base[measured.size :]) / step
+            for k, name in enumerate(problem.names):
+                if varied[k] and name not in known:
                     step = STEP if at[k] + STEP < high[k] else -STEP
                     found[:, k] = (residuals(moved(at, k, at[k] + step))[0] - base) / step
             return base, found
@@ -232,10 +242,10 @@ class Minimiser:
             return np.asarray(_robust(residuals(placed(part))[0])[0])
 
         def bent_slopes(part: Array) -> Array:
-            nonlocal known
+            nonlocal reached
             at = placed(part)
             base, found = slopes(at)
-            known = at, base, found
+            reached = at, base, found
             turned = (found * _robust(base)[1][:, None])[:, varied].T
             turned[(part < low[varied]) | (part > high[varied])] = 0.0
             return np.ascontiguousarray(turned)
@@ -249,8 +259,8 @@ class Minimiser:
         except INTERRUPTIONS as error:
             caught(error)
             with finishing():
-                at = np.clip(x, low, high) if known is None else known[0]
-                values, derivatives = slopes(at) if known is None else known[1:]
+                at = np.clip(x, low, high) if reached is None else reached[0]
+                values, derivatives = slopes(at) if reached is None else reached[1:]
             converged = False
         return Minimum(problem, comparison, at, loss(values), values, derivatives, converged, spread, self.seen.noise)
 
@@ -261,29 +271,6 @@ class Minimiser:
         own: dict[str, Array] = {"baseline": first, "tilt": first * far}
         own |= {"baseline_retract": second, "tilt_retract": second * far}
         return {name: own[name] for name in problem.names if name in own}
-
-    def _known_slopes(
-        self, problem: Problem, x: Array, comparison: Comparison, slope: Array, widths: tuple[float, float]
-    ) -> Array:
-        """Derivatives of the residuals that need no other curve; zeros for all others.
-
-        With respect to contact point, baselines and tilts; and to the logarithm of the modulus where nothing attracts:
-        at F = E f(d) and z = d + F/K it is F (1 − F′(z)/K).
-        """
-        samples, (spread, wide) = comparison.samples, widths
-        own, state = self.columns(problem, samples), problem.state(x)
-        pair, place, step = self.legs(problem, state), state.line[0], STEP * state.contact.scales.normal
-        places = (comparison.places(*pair, place + step) - comparison.places(*pair, place)) / step
-        found = np.zeros((samples.size + places.size, x.size))
-        for k, name in enumerate(problem.names):
-            if name == "contact_point":
-                found[:, k] = np.append(-slope / spread, places / wide)
-            elif name in own:
-                found[: samples.size, k] = own[name] / spread
-            elif name == "modulus" and state.contact.interaction is None:
-                gain, force = self.gain(state), comparison.forces(*pair, place)[0]
-                found[: samples.size, k] = gain * force * (1.0 - slope / gain / state.spring) / spread
-        return found
 
     def labelled(self, found: Minimum) -> Comparison:
         """The samples on the branches on which a fit puts them."""

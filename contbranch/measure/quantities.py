@@ -120,8 +120,8 @@ class Problem:
         contact, known = self.start.contact, parameters_of(self.start.contact)
         for name in self.free:
             if name in known and not (name == "range" and self.by_tabor):
-                changed = math.copysign(math.exp(numbers[name]), known[name].value)
-                contact = parameters_of(contact)[name].contact(changed)
+                known = parameters_of(contact) if contact is not self.start.contact else known
+                contact = known[name].contact(math.copysign(math.exp(numbers[name]), known[name].value))
         if self.by_tabor:
             wide = contact.scales.normal * math.exp(-numbers["range"])
             contact = parameters_of(contact)["range"].contact(wide)

@@ -25,16 +25,18 @@ from contbranch.measure.force_curve import COLUMNS, ForceCurve, scale, stiffness
 Names = str | Mapping[str, str] | None
 
 # Those of our tables, and of texts that Optics11, JPK and NanoScope export, the last with the legs side by side. A minus
-# reverses a column: heights of JPK fall towards the surface.
+# reverses a column, for heights of JPK fall towards the surface.
 _OWN = {role: role for role in (*COLUMNS, "segment", "curve", "x", "y")}
 _HEIGHTS = ("smoothedMeasuredHeight", "measuredHeight", "smoothedStrainGaugeHeight", "strainGaugeHeight", "height")
+_RAMP, _BENT = "Calc_Ramp_{}_nm [nm]", "Defl_{1}_{0} [{1}]"
 _KNOWN = [[_OWN], [{"piezo": "Piezo (nm)", "deflection": "Cantilever (nm)"}]]
 _KNOWN += [[{"piezo": f"-{height}", "force": "vDeflection"}] for height in _HEIGHTS]
 _KNOWN += [
-    [{"piezo": f"Calc_Ramp_{leg}_nm [nm]", "deflection": f"Defl_{unit}_{leg} [{unit}]"} for leg in ("Ex", "Rt")]
+    [{"piezo": _RAMP.format(leg), "deflection": _BENT.format(leg, unit)} for leg in ("Ex", "Rt")]
     for unit in ("nm", "V")
 ]
-_HEADING = re.compile(r"(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?")
+# Parts of texts: a name with a unit in brackets, a line of numbers, a row that is no comment, a spring constant.
+_NAME = re.compile(r"^(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?$", re.DOTALL)
 _NUMBERS = re.compile(r"[\d.,;eE+\s-]*\d[\d.,;eE+\s-]*")
 _SPRING = re.compile(r"(?:k \(N/m\)|# springConstant:)\s+(\d+[.,]?\d*(?:[eE][+-]?\d+)?)")
 _TEXTS = (".csv", ".txt", ".tsv", ".dat")
@@ -45,13 +47,10 @@ _MISSING = {"spring constant": "--spring '0.5 N/m'", "sensitivity": "--sensitivi
 HELD = 0.1
 # Places in a map that are said in names of files: numbers, each behind a separator if there is one.
 _ROW, _COLUMN = (rf"[_ ]?(?P<{name}>-?\d+(?:[.,]\d+)?)" for name in ("row", "column"))
-_NAMED = [
-    re.compile(rf"(?<![a-z]){form}", re.IGNORECASE)
-    for form in (rf"x{_COLUMN}.*?y{_ROW}", rf"r(?:ow)?{_ROW}.*?c(?:ol(?:umn)?)?{_COLUMN}")
-]
+_FORMS = (rf"(?<![a-z])x{_COLUMN}.*?y{_ROW}", rf"(?<![a-z])r(?:ow)?{_ROW}.*?c(?:ol(?:umn)?)?{_COLUMN}")
 
 # Places in a map, and what makes the curves there.
-_Makers = list[tuple[dict[str, float], Callable[..., ForceCurve]]]
+_Makers = Iterator[tuple[dict[str, float], Callable[..., ForceCurve]]]
 # Of a column by what it holds: its place in a row, its sign and its unit.
 _Places = dict[str, tuple[int, float, str]]
 
@@ -67,22 +66,6 @@ class Unread:
     def describe(self) -> dict[str, Any]:
         """Its place and what is wrong."""
         return {**self.place, "error": str(self.error)}
-
-
-@dataclass(frozen=True)
-class _File:
-    """A file, and how it is to be read."""
-
-    path: Path
-    spring: Quantity
-    sensitivity: Quantity
-    columns: Names
-
-    def curve(self, told: float | None, **columns: Any) -> ForceCurve:
-        """A curve; its forces are those of the spring that its file tells, if it does, and change with another."""
-        first = self.spring if told is None else told
-        curve = ForceCurve(spring=first, deflected=told is not None, source=str(self.path), **columns)
-        return curve.with_spring(self.spring)
 
 
 def read_force_curve(
@@ -126,12 +109,11 @@ def read_force_curves(
     path: str | Path, spring: Quantity = None, *, sensitivity: Quantity = None, columns: Names = None
 ) -> list[ForceCurve]:
     """Read all force curves of a file, such as a map's, or of the files in a folder; see `read_force_curve`."""
-    found = []
-    for one in curves_in(path, spring, sensitivity, columns):
+    found = list(curves_in(path, spring, sensitivity, columns))
+    for one in found:
         if isinstance(one, Unread):
             raise one.error
-        found.append(one)
-    return found
+    return [one for one in found if isinstance(one, ForceCurve)]
 
 
 def curves_in(
@@ -146,22 +128,16 @@ def curves_in(
     InputError
         If there is no such file, or no curve in the folder and nothing with a usual suffix.
     """
-    path, usual = as_path(path, "curve"), (*_TEXTS, *_INSTRUMENTS)
-    if path.is_dir():
-        files = [one for one in path.iterdir() if one.is_file() and not one.name.startswith(".")]
-        files.sort(key=lambda one: [int(k) if k.isdecimal() else k for k in re.split(r"(\d+)", one.name)])
-        there = False
-        for file, place in zip(files, _named([one.stem for one in files]), strict=True):
-            found = list(_in_file(_File(file, spring, sensitivity, columns), place))
-            if file.suffix.lower() in usual or not isinstance(found[0], Unread):
-                there = True
-                yield from found
-        if not there:
-            raise InputError(f"curve: no file in '{path}' is one of force curves ({', '.join(usual)})")
-    elif path.is_file():
-        yield from _in_file(_File(path, spring, sensitivity, columns), {})
-    else:
-        raise InputError(f"curve: '{path}' is not a file")
+    path, usual, there = as_path(path, "curve"), (*_TEXTS, *_INSTRUMENTS), False
+    files = [path] if path.is_file() else [one for one in path.glob("[!.]*") if one.is_file()]
+    files.sort(key=lambda one: [int(k) if k.isdecimal() else k for k in re.split(r"(\d+)", one.name)])
+    for file, place in zip(files, [{}] if path.is_file() else _named([one.stem for one in files]), strict=True):
+        found = list(_in_file(file, place, spring, sensitivity, columns))
+        if path.is_file() or file.suffix.lower() in usual or any(isinstance(one, ForceCurve) for one in found):
+            there = True
+            yield from found
+    if not there:
+        raise InputError(f"curve: '{path}' is not a file, nor a folder with one of force curves ({', '.join(usual)})")
 
 
 def _named(stems: Sequence[str]) -> list[dict[str, float]]:
@@ -169,34 +145,37 @@ def _named(stems: Sequence[str]) -> list[dict[str, float]]:
 
     A dash before a number is its sign, ``x-1_y2``; one that all numbers have, ``x-1-y-2``, only stands between.
     """
-    said = [next((one.groupdict() for pattern in _NAMED if (one := pattern.search(stem))), {}) for stem in stems]
+    found = [[one for form in _FORMS if (one := re.search(form, stem, re.IGNORECASE))] for stem in stems]
+    said = [one[0].groupdict() if one else {} for one in found]
     sign = "-" if all(number.startswith("-") for one in said for number in one.values()) else ""
     return [{name: float(text.lstrip(sign).replace(",", ".")) for name, text in one.items()} for one in said]
 
 
-def _in_file(file: _File, place: dict[str, float]) -> Iterator[ForceCurve | Unread]:
+def _in_file(
+    path: Path, place: dict[str, float], spring: Quantity, sensitivity: Quantity, columns: Names
+) -> Iterator[ForceCurve | Unread]:
     """The curves of a file; of those that cannot be read, what is wrong, with its name."""
-    source = str(file.path)
+    source = str(path)
     try:
-        lines = _lines(file.path)
-        makers = _of_table(file, lines) or _of_instrument(file, lines)
-    except InputError as error:
+        lines = _lines(path)
+        table = _heading(lines, columns)
+        makers = list(
+            _of_table(lines, table, spring, sensitivity) if table else _of_instrument(path, lines, spring, sensitivity)
+        )
+    except (InputError, OSError) as error:
         yield Unread(InputError(f"{error} ('{source}')"), place, source)
         return
     for own, make in makers:
         try:
-            yield make(place=place | own)
+            yield make(place=place | own, source=source).with_spring(spring)
         except InputError as error:
             yield Unread(InputError(f"{error} ('{source}')"), place | own, source)
 
 
 def _lines(path: Path) -> list[str]:
     """Lines of a file if it is a text."""
-    try:
-        with path.open("rb") as file:
-            content = b"" if b"\0" in (begin := file.read(1024)) else begin + file.read()
-    except OSError as error:
-        raise InputError(f"curve: the file cannot be read ({error.strerror})") from None
+    with path.open("rb") as file:
+        content = b"" if b"\0" in (begin := file.read(1024)) else begin + file.read()
     if not begin.strip():
         raise InputError("curve: the file is empty")
     try:
@@ -226,12 +205,12 @@ def _legs_by_way(piezo: Array, segment: AnyArray) -> AnyArray | None:
 def _legs_named(columns: str | Mapping[str, str]) -> list[dict[str, str]]:
     """Names of columns by what they hold; two where approach and retraction lie side by side."""
     text = columns if isinstance(columns, str) else ",".join(map("=".join, columns.items()))
-    parts = [part.partition("=") for part in re.split(r",\s*(?=\w+\s*=)", text)]
-    pairs = [(role.strip(), name.strip()) for role, _, name in parts]
+    pairs = re.findall(r"(\w+)\s*=\s*(.*?)\s*(?:,(?=\s*\w+\s*=)|$)", text)
     first, last = dict(reversed(pairs)), dict(pairs)
     if not _enough(first) or not all(role in _OWN and name for role, name in pairs):
-        wanted = f"piezo=NAME,force=NAME with names in the file, of {', '.join(_OWN)}"
-        raise InputError(f"columns: {text!r}; must be {wanted}")
+        raise InputError(
+            f"columns: {text!r}; must be piezo=NAME,force=NAME with names in the file, of {', '.join(_OWN)}"
+        )
     return [first] if first == last else [first, last]
 
 
@@ -246,107 +225,98 @@ def _cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip(' "') for cell in own]
 
 
-def _bare(name: str) -> tuple[str, str]:
-    """A name in small letters, and the unit in brackets behind it."""
-    match = _HEADING.fullmatch(name)
-    return (match[1].casefold(), match[2] or "") if match else ("", "")
-
-
 def _places(cells: Sequence[str], names: Mapping[str, str]) -> _Places:
     """Where columns of these names are; nowhere if one is missing that is needed."""
     places: _Places = {}
-    twice = ""
     for role, name in names.items():
-        sign, (bare, unit) = -1.0 if name.startswith("-") else 1.0, _bare(name.lstrip("-"))
+        ((bare, unit),) = _NAME.findall(name.lstrip("-"))
         for k, cell in enumerate(cells):
-            one, own = _bare(cell)
-            if cell.casefold() == bare or (one == bare and unit in ("", own)):
-                twice = name if role in places else twice
-                places[role] = (k, sign, unit or own)
-    if not _enough(places) or (names is not _OWN and len(places) < len(names)):
-        return {}
-    if twice:
-        raise InputError(f"curve: more than one column {twice}; leave one, or name it with its unit")
-    return places
+            ((one, own),) = _NAME.findall(cell)
+            if bare.casefold() == cell.casefold() or (bare.casefold() == one.casefold() and unit in ("", own)):
+                if role in places:
+                    raise InputError(f"curve: more than one column {name}; leave one, or name it with its unit")
+                places[role] = (k, -1.0 if name.startswith("-") else 1.0, unit or own)
+    return places if _enough(places) and (names is _OWN or len(places) == len(names)) else {}
 
 
-def _heading(columns: Names, lines: Sequence[str]) -> tuple[int, str, int, list[_Places]] | None:
+def _heading(lines: Sequence[str], columns: Names) -> tuple[int, str, int, list[_Places]] | None:
     """The line with names that are known, what is between them, how many, and where those are that are needed."""
     known = _KNOWN if columns is None else [_legs_named(columns)]
     for number, line in enumerate(lines):
-        if _NUMBERS.fullmatch(line):
-            continue
         delimiter = next((one for one in "\t;," if one in line), " ")
-        cells = _cells(line.lstrip("# ").removeprefix("columns:"), delimiter)
-        legs = next((legs for names in known if all(legs := [_places(cells, one) for one in names])), [])
-        below = next((one for one in lines[number + 1 :] if legs and one.strip() and not one.startswith("#")), "")
-        if legs and (delimiter != " " or len(cells) == len(below.split())):  # and no sentence
-            return number, delimiter, len(cells), legs
+        cells = [] if _NUMBERS.fullmatch(line) else _cells(line.lstrip("# ").removeprefix("columns:"), delimiter)
+        for legs in ([_places(cells, one) for one in names] for names in known):
+            below = next((one for one in lines[number + 1 :] if one.strip() and one[0] != "#"), "") if all(legs) else ""
+            if all(legs) and (delimiter != " " or len(cells) == len(below.split())):  # and no sentence
+                return number, delimiter, len(cells), legs
     if lines and columns is not None:
-        raise _unknown(columns, lines)
+        raise _unknown(lines, columns)
     return None
 
 
-def _of_table(file: _File, lines: Sequence[str]) -> _Makers:
-    """Curves of a text with names of columns that are known; none of another."""
-    if (heading := _heading(file.columns, lines)) is None:
-        return []
-    start, delimiter, width, legs = heading
-    told = next((float(match[1].replace(",", ".")) for line in lines if (match := _SPRING.match(line))), None)
-    units = next((line.split()[2:] for line in lines if line.startswith("# units:")), [])
+def _of_table(
+    lines: Sequence[str], table: tuple[int, str, int, list[_Places]], spring: Quantity, sensitivity: Quantity
+) -> _Makers:
+    """Curves of a text with names of columns that are known."""
+    start, delimiter, width, legs = table
+    told = next((float(one[1].replace(",", ".")) for one in map(_SPRING.match, lines) if one), None)
     segments = np.cumsum([line.startswith("# segment:") for line in lines])
-    below = [k for k in range(start + 1, len(lines)) if lines[k].strip() and not lines[k].lstrip().startswith("#")]
-    if below and not re.search(r"\d", lines[below[0]]):
-        units = [cell.strip("[]()") for cell in _cells(lines[below.pop(0)], delimiter)]
-    rows: list[dict[str, Any]] = []
+    below = [k for k in range(start + 1, len(lines)) if re.match(r"[^#]*\d", lines[k])]
+    above = (line for line in lines[start + 1 : next(iter(below), start)] if re.match(r"# units:|\s*[^#\s]", line))
+    units = _cells(next(above, "").removeprefix("# units: "), delimiter) + width * [""]
+    rows = []
     for leg, places in enumerate(legs):
         for k in below:
-            cells = _cells(lines[k], delimiter) + width * [""]
-            if len(legs) > 1 and not all(cells[place] for place, *_ in places.values()):
-                continue
-            try:
-                row = _row(cells, width, places, "." if delimiter == "," else ",")
-            except ValueError:
-                much = f"row {k + 1} has {len(cells) - width} values for {width} columns"
-                remedy = "decimal commas need another separator, such as a semicolon, and other texts must go"
-                raise InputError(f"curve: {much}; {remedy}: {lines[k][:80]!r}") from None
-            rows.append({"segment": leg or segments[k], **row})
+            if row := _row(k, lines[k], delimiter, width, places):
+                rows.append({"segment": leg or segments[k], **row})
     if not rows:
         raise InputError("curve: the file has no rows below the names of its columns")
     columns = {role: np.array([row[role] for row in rows]) for role in rows[0]}
-    unit_of = {role: unit or "".join(units[place : place + 1]) for role, (place, _, unit) in legs[0].items()}
+    unit_of = {role: unit or units[place].strip("[]()") for role, (place, _, unit) in legs[0].items()}
     if unit_of.get("force") in ("m", "V"):  # of JPK
         columns["deflection"], unit_of["deflection"] = columns.pop("force"), unit_of.pop("force")
-    known = {role: unit_of[role] for role in COLUMNS if unit_of.get(role)}
+    known: dict[str, Any] = {
+        "units": {role: unit_of[role] for role in COLUMNS if unit_of.get(role)},
+        "sensitivity": sensitivity,
+        "spring": told or spring,
+        "deflected": told is not None,
+    }
     numbers = columns.pop("curve", np.zeros(len(rows)))
-    makers: _Makers = []
     for number in dict.fromkeys(numbers.tolist()):
         own: dict[str, Any] = {role: values[numbers == number] for role, values in columns.items()}
-        where = {role: parse(f"{own.pop(role)[0]} {unit_of[role] or 'nm'}", "length", f"curve: {role}")
-                 for role in ("x", "y") if role in own}  # fmt: skip
+        where = [(role, f"{own.pop(role)[0]} {unit_of[role] or 'nm'}") for role in ("x", "y") if role in own]
         if len(legs) == 1 and "segment" not in legs[0]:
             own["segment"] = _legs_by_way(own["piezo" if "piezo" in own else "tip"], own["segment"])
-        makers.append((where, partial(file.curve, told, units=known, sensitivity=file.sensitivity, **own)))
-    return makers
+        yield (
+            {role: parse(text, "length", f"curve: {role}") for role, text in where},
+            partial(ForceCurve, **known, **own),
+        )
 
 
-def _row(cells: Sequence[str], width: int, places: _Places, decimal: str) -> dict[str, Any]:
-    """What a row holds, NaN where it ends early; ValueError for one that is too long, or has a text for a number."""
-    if any(cells[width:]):
-        raise ValueError
-    return {
-        role: cells[place]
-        if role in ("segment", "curve")
-        else sign * float(cells[place].replace(decimal, ".") or "nan")
-        for role, (place, sign, _) in places.items()
-    }
+def _row(number: int, line: str, delimiter: str, width: int, places: _Places) -> dict[str, Any]:
+    """What a row holds, NaN where it ends early; nothing where all cells are empty."""
+    cells, decimal = _cells(line, delimiter) + width * [""], "." if delimiter == "," else ","
+    try:
+        if any(cells[width:]):
+            raise ValueError
+        row = {
+            role: cells[place]
+            if role in ("segment", "curve")
+            else sign * float(cells[place].replace(decimal, ".") or "nan")
+            for role, (place, sign, _) in places.items()
+        }
+    except ValueError:
+        much = f"row {number + 1} has {len(cells) - width} values for {width} columns"
+        remedy = "decimal commas need another separator, such as a semicolon, and other texts must go"
+        raise InputError(f"curve: {much}; {remedy}: {line[:80]!r}") from None
+    return row if any(cells[place] for place, *_ in places.values()) else {}
 
 
-def _unknown(columns: Names, lines: Sequence[str]) -> InputError:
+def _unknown(lines: Sequence[str], columns: Names = None) -> InputError:
     """That columns are not found; what they are called may be said in the line above the first numbers."""
     first = next((k for k, line in enumerate(lines) if _NUMBERS.fullmatch(line)), 0)
     above = lines[max(first - 1, 0)].strip()[:80]
-    wanted = "piezo (or tip) and force (or deflection)" if columns is None else f"{columns!r}"
+    wanted = "piezo (or tip) and force (or deflection)" if columns is None else repr(columns)
     remedy = "write piezo [nm],force [nN] above the numbers, or give the names with --columns 'piezo=NAME,force=NAME'"
     return InputError(f"curve: the file has no columns {wanted} in its line {above!r}; {remedy}")
 
@@ -355,61 +325,53 @@ def _unknown(columns: Names, lines: Sequence[str]) -> InputError:
 
 
 @contextmanager
-def _reading(file: _File, lines: Sequence[str] = ()) -> Iterator[None]:
+def _reading(unknown: InputError | None = None) -> Iterator[None]:
     """What afmformats prints is put aside, and what it raises, which may be anything, is an InputError."""
     try:
         with redirect_stderr(io.StringIO()), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
-    except (KeyboardInterrupt, SystemExit, InputError):
+    except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:
+        missing = [key for key in _MISSING if key in getattr(error, "meta_keys", ())]
         said = f"cannot be read by afmformats ({type(error).__name__}: {error}); unpack it, or export it as text "
         said += "(NanoScope Analysis: Export, ASCII) and name the columns with --columns"
-        if isinstance(error, ImportError):
-            said = "needs afmformats: pip install 'contbranch[afm]', or give a CSV file"
-        elif missing := [key for key in _MISSING if key in getattr(error, "meta_keys", ())]:
+        if missing:
             said = f"does not tell {' and '.join(missing)}: give {' and '.join(_MISSING[key] for key in missing)}"
-        elif lines and file.path.suffix.lower() not in _INSTRUMENTS:
-            raise _unknown(None, lines) from None
-        raise InputError(f"curve: the file {said}") from None
+        elif isinstance(error, ImportError):
+            said = "needs afmformats: pip install 'contbranch[afm]', or give a CSV file"
+        raise (None if missing else unknown) or InputError(f"curve: the file {said}") from None
 
 
-def _of_instrument(file: _File, lines: Sequence[str]) -> _Makers:
+def _of_instrument(path: Path, lines: Sequence[str], spring: Quantity, sensitivity: Quantity) -> _Makers:
     """Curves that afmformats reads: SI units, heights that fall towards the surface."""
-    given = {} if file.spring is None else {"spring constant": stiffness_of(file.spring)}
-    if file.sensitivity is not None:
-        factor, unit = (1.0, "nA") if file.path.suffix == ".txt" else (1e-9, "V")  # nA in texts of NT-MDT
-        given["sensitivity"] = factor * scale("deflection", unit, file.sensitivity)
-    with _reading(file, lines):
+    given = {} if spring is None else {"spring constant": stiffness_of(spring)}
+    if sensitivity is not None:
+        factor, unit = (1.0, "nA") if path.suffix == ".txt" else (1e-9, "V")  # nA in texts of NT-MDT
+        given["sensitivity"] = factor * scale("deflection", unit, sensitivity)
+    with _reading(_unknown(lines) if lines and path.suffix.lower() not in _INSTRUMENTS else None):
         import afmformats
 
         try:
-            groups = afmformats.load_data(file.path)
+            groups = afmformats.load_data(path)
         except afmformats.errors.MissingMetaDataError:
-            groups = afmformats.load_data(file.path, meta_override=given)
-    return [(_position(data.metadata), partial(_of_data, file, data, given.get("sensitivity"))) for data in groups]
+            groups = afmformats.load_data(path, meta_override=given)
+    for data in groups:
+        place = {key: 1e9 * float(data.metadata.get(f"position {key}", math.nan)) for key in ("x", "y")}
+        known = all(map(math.isfinite, place.values()))
+        yield place if known else {}, partial(_of_data, data, spring, given.get("sensitivity"))
 
 
-def _of_data(file: _File, data: Any, sensitivity: float | None, place: dict[str, float]) -> ForceCurve:
-    with _reading(file):
-        heights = [name for name in ("height (measured)", "height (piezo)") if name in data.columns]
-        if not heights or "force" not in data.columns:
-            raise InputError(f"curve: it has {', '.join(data.columns)}; needs a force and a height of the piezo")
-        piezo, force = -1e9 * np.asarray(data[heights[0]]), 1e9 * np.asarray(data["force"])
+def _of_data(data: Any, spring: Quantity, sensitivity: float | None, **about: Any) -> ForceCurve:
+    """A curve; its forces are those of the spring that its file tells, if it does, and change with another."""
+    with _reading():
+        height = "height (measured)" if "height (measured)" in data.columns else "height (piezo)"
+        piezo, force = -1e9 * np.asarray(data[height]), 1e9 * np.asarray(data["force"])
         segment = _legs_by_way(piezo, np.asarray(data["segment"])) if "segment" in data.columns else None
     if sensitivity is not None:
         if "sensitivity" not in data.metadata:
-            raise InputError(f"sensitivity: {file.sensitivity!r}; the file holds forces, and not its own: leave it out")
+            raise InputError("sensitivity: given; the file holds forces, and not its own: leave it out")
         force *= sensitivity / data.metadata["sensitivity"]
-    return file.curve(data.metadata.get("spring constant"), piezo=piezo, force=force, segment=segment, place=place)
-
-
-def _position(metadata: Mapping[str, Any]) -> dict[str, float]:
-    """Where in a map a curve was measured, in nm, or its row and column."""
-    for factor, names in ((1e9, {"x": "position x", "y": "position y"}),
-                          (1.0, {"column": "grid index x", "row": "grid index y"})):  # fmt: skip
-        known = {key: factor * float(metadata.get(name, math.nan)) for key, name in names.items()}
-        if all(map(math.isfinite, known.values())):
-            return known
-    return {}
+    told = data.metadata.get("spring constant")
+    return ForceCurve(piezo, force, told or spring, segment, deflected=told is not None, **about)

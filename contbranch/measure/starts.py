@@ -20,7 +20,7 @@ from contbranch.measure.reduced import bare_curve, tabulated
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
 STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.2, 1.0, 5.0)
 # Contact points that are tried; of contacts without an interaction, over all positions, with so many samples.
-PLACES, SCANNED, SAMPLES = 24, 64, 400
+PLACES, SCANNED, SAMPLES = 24, 64, 256
 # Minima of such a scan that are looked at more closely, and followed if their sum of squares is within this factor.
 TRIED, WITHIN = 4, 3.0
 
