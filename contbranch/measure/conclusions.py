@@ -35,6 +35,8 @@ ELSEWHERE = 0.1
 # Where a model leaves more than the noise, values are no better known than this share of what they change by when only
 # forces up to half of the largest are fitted: moduli of 29 measured curves change by 0.1 to 0.7.
 HALVED = 0.25
+# A modulus that changes by more than this share then depends on the depth.
+DEEPER = 0.1
 # Jumps agree within this share of the force.
 AGREE = 0.05
 
@@ -257,7 +259,8 @@ def _message(minimiser: Minimiser, found: Minimum, fit: Fit, lost: str, halved: 
         left = "The residuals vary slowly"
     said = {
         "There is no baseline in the data: baseline, tilt and contact point follow from the shape of the curve in "
-        "contact alone.": not (seen.begun or seen.returned),
+        "contact alone.": values.get("contact_point", math.inf) < minimiser.curve.piezo[seen.used].min()
+        or not (seen.begun or seen.returned),
         "The minimisation did not converge: values and errors are those of where it has come to.": not found.converged,
         lost: lost,
         f"The data determine {_listed(known)}." if known else "The data determine none of the values.": found.converged,
@@ -273,7 +276,7 @@ def _message(minimiser: Minimiser, found: Minimum, fit: Fit, lost: str, halved: 
         f"{left}: the model is not all there is in the curve; errors allow for that.":
             max(fit.rms, found.deviation) > LONG * seen.noise,
         f"Up to half of the largest force the modulus differs by {100 * change:+.0f} %: it depends on how deep the tip "
-        "is pressed, as on a layer, on a body that yields, or with a tip of another shape.": abs(change) > KNOWN,
+        "is pressed, as on a layer, on a body that yields, or with a tip of another shape.": abs(change) > DEEPER,
     }  # fmt: skip
     return " ".join([*seen.notes, *(text for text, so in said.items() if so), *_disagreements(fit.jumps)])
 
@@ -283,17 +286,15 @@ def _disagreements(jumps: tuple[FitJump, ...]) -> Iterator[str]:
     for jump in jumps:
         one, other = jump.measured, jump.fitted
         if one is None or other is None:
-            yield f"The {jump.name} was {'fitted but not seen' if one is None else 'seen but not fitted'}."
+            where, none = ("contact fitted", "curve") if one is None else ("curve", "contact fitted")
+            yield f"The {where} has a {jump.name}, the {none} has none."
             continue
         # just before a jump into contact the force is small, and steep
         behind = jump.name in ("jump-in", "squeeze-out")
         seen, had = (side["force"] + (side["step"] if behind else 0.0) for side in (one, other))
         if abs(had - seen) > max(AGREE * abs(seen), one["uncertainty"]):
-            where, share = "behind" if behind else "before", 100 * (had / seen - 1.0)
-            yield (
-                f"No such contact has the {jump.name} measured beside all else: the force {where} it is {seen:.3g} nN, "
-                f"the fitted one {had:.3g} nN ({share:+.0f} %)."
-            )
+            forces = f"{readable(seen, 'nN')} measured, {readable(had, 'nN')} fitted"
+            yield f"The {jump.name} is not fitted well: the force {'behind' if behind else 'before'} it is {forces}."
 
 
 def _change(leg: Leg, width: float) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from contbranch.arrays import Array, Flags, Indices
 from contbranch.contact.units import readable
 from contbranch.errors import InputError
-from contbranch.measure.force_curve import LEAST, ForceCurve
+from contbranch.measure.force_curve import ForceCurve
 
 # A jump takes so many samples at most, is so many times larger than noise, and than steps beside it.
 JUMP_SAMPLES, JUMP_OVER_NOISE, JUMP_OVER_STEPS = 3, 8.0, 5.0
@@ -150,8 +150,6 @@ def features(
         used[leg[_spikes(curve.force[leg], noise)]] = False
     if alone := sum(leg.size for leg in own.values()) - int(used.sum()):
         notes.append(f"{alone} samples that stand alone, dropouts or spikes, are left out.")
-    if curve.pause.sum() > LEAST:
-        notes.append(f"The pause between the legs, of {int(curve.pause.sum())} samples, is left out.")
     own = {back: leg[used[leg]] for back, leg in own.items()}
     lines = {back: _baseline(curve, leg[::-1] if back else leg, noise) for back, leg in own.items()}
     flat = {back: _is_flat(curve, leg, lines[back][1]) for back, leg in own.items()}

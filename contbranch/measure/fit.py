@@ -144,6 +144,8 @@ def fit(
         except INTERRUPTIONS as error:
             caught(error)
             raise ModelError(told("fit: no contact was compared with the curve by then.")) from None
+        if (held := int(curve.pause.sum())) > LEAST:
+            found = replace(found, message=f"The pause of {held} samples is left out. {found.message}")
         found = replace(found, message=told(found.message), cost=replace(found.cost, wall_s=perf_counter() - began))
     return watch.passed(found)
 
@@ -198,7 +200,10 @@ def _alone(settings: Settings, back: bool) -> _Fitting:
     try:
         return _Fitting(settings, [back], False)
     except NoAdhesionError:
-        return _Fitting(settings.bare(), [back], False)
+        bare = _Fitting(settings.bare(), [back], False)
+        words = "This leg shows no adhesion, and is fitted by the theory of a contact without (Hertz', Sneddon's)."
+        bare.minimiser.seen = replace(bare.minimiser.seen, notes=(words, *bare.minimiser.seen.notes))
+        return bare
 
 
 def named(free: Sequence[str]) -> tuple[str, ...]:

@@ -94,25 +94,20 @@ class ForceCurve:
         segment: Sequence[Any] | AnyArray | None = None,
         **others: Any,
     ) -> None:
-        refuse_unknown(others, (*COLUMNS, *_OPTIONS), "curve: ")
+        refuse_unknown((*others, *(others.get("units") or {})), (*COLUMNS, *_OPTIONS), "curve: ")
         units, sensitivity, deflected, source, place = (others.pop(name, None) for name in _OPTIONS)
-        units = units or {}
-        refuse_unknown(units, COLUMNS, "curve: units: ")
-        if sensitivity is not None and is_unit(units.get("deflection") or "nm"):
-            raise InputError(f"sensitivity: {sensitivity!r}; no deflection is in volts: leave it out, or add its unit")
-        columns = {
-            name: _column(values, name, units.get(name), sensitivity)
-            for name, values in {"piezo": piezo, "force": force, **others}.items()
-            if values is not None
-        }
-        for one, other in (("piezo", "tip"), ("force", "deflection")):
-            if (one in columns) == (other in columns):
-                raise InputError(f"curve: give either {one} or {other}")
-        sizes = {name: values.size for name, values in columns.items()}
-        sizes |= {} if segment is None else {"segment": np.size(segment)}
+        given = {"piezo": piezo, "force": force, "segment": segment, **others}
+        sizes = {name: np.size(values) for name, values in given.items() if values is not None}
         if len(set(sizes.values())) > 1:
             much = " and ".join(f"{n} {name}" for name, n in sizes.items())
             raise InputError(f"curve: {much} values; must be as many")
+        if sensitivity is not None and is_unit((units or {}).get("deflection") or "nm"):
+            raise InputError(f"sensitivity: {sensitivity!r}; no deflection is in volts: leave it out, or add its unit")
+        known = [name for name in COLUMNS if name in sizes]
+        columns = {name: _column(given[name], name, (units or {}).get(name), sensitivity) for name in known}
+        for one, other in (("piezo", "tip"), ("force", "deflection")):
+            if (one in columns) == (other in columns):
+                raise InputError(f"curve: give either {one} or {other}")
         stiffness = None if spring is None else stiffness_of(spring)
         if "deflection" in columns and stiffness is None:
             raise InputError("spring: missing; a deflection becomes a force with the stiffness of the cantilever")
@@ -123,7 +118,6 @@ class ForceCurve:
         self.__dict__.update(piezo=drive[order], force=found[order], spring=stiffness, retract=retract, pause=pause)
         self.__dict__.update(rigid="tip" in columns and stiffness is None, source=source or "", place=dict(place or {}))
         self.__dict__["deflected"] = stiffness is not None and bool(deflected or "deflection" in columns)
-        self._check()
 
     def __len__(self) -> int:
         return self.piezo.size
@@ -139,11 +133,9 @@ class ForceCurve:
         if spring is None:
             return self
         stiffness, changed = stiffness_of(spring), copy(self)
-        changed.__dict__.update(spring=stiffness, rigid=False)
-        if self.rigid:
-            changed.__dict__["piezo"] = self.piezo + self.force / stiffness
-        if self.deflected and self.spring:
-            changed.__dict__["force"] = self.force * (stiffness / self.spring)
+        piezo = self.piezo + self.force / stiffness if self.rigid else self.piezo
+        force = self.force * (stiffness / self.spring) if self.deflected and self.spring else self.force
+        changed.__dict__.update(piezo=piezo, force=force, spring=stiffness, rigid=False)
         return changed
 
     def describe(self) -> dict[str, Any]:
@@ -157,34 +149,32 @@ class ForceCurve:
         found = np.flatnonzero((self.retract == retract) & ~self.pause)
         return found if found.size >= LEAST else found[:0]
 
-    def _check(self) -> None:
-        legs = (self.leg(False), self.leg(True))
-        if not any(leg.size for leg in legs):
-            much = f"{len(self) - int(self.pause.sum())} samples on approach and retraction, the others in pauses"
-            raise InputError(f"curve: {much}; must be at least {LEAST} on one of them")
-        for leg, words, way in zip(
-            legs, ("grow steadily on approach", "fall steadily on retract"), (1, -1), strict=True
-        ):
-            ways = np.diff(
-                [part.mean() for part in np.array_split(way * self.piezo[leg], LEAST) if leg.size >= 2 * LEAST]
-            )
-            # where nothing goes back, steps, pauses and dense parts are steady
-            if ways.size and (ways.sum() <= 0.0 or (ways.min() < 0.0 and np.median(ways) <= STEADY * ways.mean())):
-                raise InputError(
-                    f"curve: the piezo position does not {words}; are columns swapped, or does it grow away from the "
-                    "surface (then give its negative)?"
-                )
-
 
 def _order(drive: Array, retract: Flags, pause: Flags) -> Indices:
-    """Numbers of the samples with a leg turned round that alone runs the other way than it should."""
-    order = np.arange(drive.size)
-    legs = [np.flatnonzero((retract == back) & ~pause) for back in (False, True)]
-    if min(leg.size for leg in legs) >= LEAST:
-        approach, leave = (np.diff([part.mean() for part in np.array_split(drive[leg], LEAST)]).sum() for leg in legs)
-        if approach * leave > 0.0:
-            wrong = legs[int(approach > 0.0)]
-            order[wrong] = wrong[::-1]
+    """Numbers of the samples with a leg turned round that alone runs the other way than it should.
+
+    Raises
+    ------
+    InputError
+        If the legs are short, or do not move steadily; where nothing goes back, steps and dense parts are steady.
+    """
+    order, legs = np.arange(drive.size), [np.flatnonzero((retract == back) & ~pause) for back in (False, True)]
+    if max(leg.size for leg in legs) < LEAST:
+        much = f"{drive.size - int(pause.sum())} samples on approach and retraction, the others in pauses"
+        raise InputError(f"curve: {much}; must be at least {LEAST} on one of them")
+    long = []
+    for leg, way, words in zip(
+        legs, (1.0, -1.0), ("grow steadily on approach", "fall steadily on retract"), strict=True
+    ):
+        if leg.size >= 2 * LEAST:
+            long.append((leg, words, way * np.diff([part.mean() for part in np.array_split(drive[leg], LEAST)])))
+    turned = len(long) == 2 and sum(steps.sum() < 0.0 for *_, steps in long) == 1
+    for leg, words, steps in long:
+        if turned and steps.sum() < 0.0:
+            order[leg], steps = leg[::-1], -steps
+        if steps.sum() <= 0.0 or (steps.min() < 0.0 and np.median(steps) <= STEADY * steps.mean()):
+            remedy = "are columns swapped? If it grows away from the surface, give its negative"
+            raise InputError(f"curve: the piezo position does not {words}; {remedy}")
     return order
 
 
@@ -202,16 +192,21 @@ def scale(name: str, unit: str, sensitivity: Quantity = None) -> float:
         return positive_number(parse(f"{text}*{unit}", "length", ""), "")
     except InputError:
         said = "missing" if sensitivity is None else repr(sensitivity)
-        wanted = f"a length above zero per {unit}, such as '50 nm/{unit}'"
-        raise InputError(f"sensitivity: {said}; must be {wanted}") from None
+        remedy = f"must be a length above zero per {unit}, such as '50 nm/{unit}'"
+        raise InputError(f"sensitivity: {said}; {remedy}") from None
+
+
+def numbers(values: ArrayLike, name: str) -> Array:
+    """Values of that name as numbers, or InputError."""
+    try:
+        return np.array(values, dtype=float).ravel()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"curve: {name} must be numbers ({error})") from None
 
 
 def _column(values: ArrayLike, name: str, unit: str | None, sensitivity: Quantity) -> Array:
     """Values in nm or nN."""
-    try:
-        found = np.array(values, dtype=float).ravel()
-    except (TypeError, ValueError) as error:
-        raise InputError(f"curve: {name} must be numbers ({error})") from None
+    found = numbers(values, name)
     wrong = int((~np.isfinite(found)).sum())
     if wrong or found.size < 2 * LEAST:
         much = f"{found.size} values of {name}, {wrong} of them not finite"

@@ -19,30 +19,26 @@ from contbranch.arrays import AnyArray, Array
 from contbranch.contact.text import as_path
 from contbranch.contact.units import Quantity, parse
 from contbranch.errors import InputError
-from contbranch.measure.force_curve import COLUMNS, ForceCurve, scale, stiffness_of
+from contbranch.measure.force_curve import COLUMNS, ForceCurve, numbers, scale, stiffness_of
 
 # Names of a text's columns by what they hold: one text, ``piezo=NAME,force=NAME``, or a mapping.
 Names = str | Mapping[str, str] | None
 
-# Those of our tables, and of texts that Optics11, JPK and NanoScope export, the last with the legs side by side. A minus
-# reverses a column, for heights of JPK fall towards the surface.
+# Those of our tables, and of texts that Optics11, JPK and NanoScope export, the last with the legs side by side. A
+# minus reverses a column: heights of JPK fall towards the surface.
 _OWN = {role: role for role in (*COLUMNS, "segment", "curve", "x", "y")}
 _HEIGHTS = ("smoothedMeasuredHeight", "measuredHeight", "smoothedStrainGaugeHeight", "strainGaugeHeight", "height")
-_RAMP, _BENT = "Calc_Ramp_{}_nm [nm]", "Defl_{1}_{0} [{1}]"
-_KNOWN = [[_OWN], [{"piezo": "Piezo (nm)", "deflection": "Cantilever (nm)"}]]
-_KNOWN += [[{"piezo": f"-{height}", "force": "vDeflection"}] for height in _HEIGHTS]
-_KNOWN += [
-    [{"piezo": _RAMP.format(leg), "deflection": _BENT.format(leg, unit)} for leg in ("Ex", "Rt")]
-    for unit in ("nm", "V")
-]
-# Parts of texts: a name with a unit in brackets, a line of numbers, a row that is no comment, a spring constant.
+_RAMPS = ",".join(f"piezo=Calc_Ramp_{leg}_nm [nm],deflection=Defl_{{0}}_{leg} [{{0}}]" for leg in ("Ex", "Rt"))
+_EXPORTS = ["piezo=Piezo (nm),deflection=Cantilever (nm)", *map(_RAMPS.format, ("nm", "V"))]
+_EXPORTS += [f"force=vDeflection,piezo=-{height}" for height in _HEIGHTS]
+# A name with a unit in brackets, a line of numbers, and a spring constant.
 _NAME = re.compile(r"^(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?$", re.DOTALL)
 _NUMBERS = re.compile(r"[\d.,;eE+\s-]*\d[\d.,;eE+\s-]*")
 _SPRING = re.compile(r"(?:k \(N/m\)|# springConstant:)\s+(\d+[.,]?\d*(?:[eE][+-]?\d+)?)")
 _TEXTS = (".csv", ".txt", ".tsv", ".dat")
 _INSTRUMENTS = (".ibw", ".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".h5", ".tab", ".zip")
-# What a file may lack, and how it is given.
 _MISSING = {"spring constant": "--spring '0.5 N/m'", "sensitivity": "--sensitivity '50 nm/V'"}
+_REMEDY = "install contbranch[afm], unpack it, or export it as text (NanoScope: Export, ASCII) and name the --columns"
 # A segment that moves by a smaller share of the way of the piezo is a pause: creep 0.05 in measured files, legs 0.7.
 HELD = 0.1
 # Places in a map that are said in names of files: numbers, each behind a separator if there is one.
@@ -53,6 +49,8 @@ _FORMS = (rf"(?<![a-z])x{_COLUMN}.*?y{_ROW}", rf"(?<![a-z])r(?:ow)?{_ROW}.*?c(?:
 _Makers = Iterator[tuple[dict[str, float], Callable[..., ForceCurve]]]
 # Of a column by what it holds: its place in a row, its sign and its unit.
 _Places = dict[str, tuple[int, float, str]]
+# The line of names, what is between them, how many, and where columns are; twice where the legs lie side by side.
+_Table = tuple[int, str, int, list[_Places]]
 
 
 @dataclass(frozen=True)
@@ -110,9 +108,8 @@ def read_force_curves(
 ) -> list[ForceCurve]:
     """Read all force curves of a file, such as a map's, or of the files in a folder; see `read_force_curve`."""
     found = list(curves_in(path, spring, sensitivity, columns))
-    for one in found:
-        if isinstance(one, Unread):
-            raise one.error
+    if unread := [one for one in found if isinstance(one, Unread)]:
+        raise unread[0].error
     return [one for one in found if isinstance(one, ForceCurve)]
 
 
@@ -132,7 +129,7 @@ def curves_in(
     files = [path] if path.is_file() else [one for one in path.glob("[!.]*") if one.is_file()]
     files.sort(key=lambda one: [int(k) if k.isdecimal() else k for k in re.split(r"(\d+)", one.name)])
     for file, place in zip(files, [{}] if path.is_file() else _named([one.stem for one in files]), strict=True):
-        found = list(_in_file(file, place, spring, sensitivity, columns))
+        found = list(_in_file(file, place, columns, spring, sensitivity))
         if path.is_file() or file.suffix.lower() in usual or any(isinstance(one, ForceCurve) for one in found):
             there = True
             yield from found
@@ -151,25 +148,20 @@ def _named(stems: Sequence[str]) -> list[dict[str, float]]:
     return [{name: float(text.lstrip(sign).replace(",", ".")) for name, text in one.items()} for one in said]
 
 
-def _in_file(
-    path: Path, place: dict[str, float], spring: Quantity, sensitivity: Quantity, columns: Names
-) -> Iterator[ForceCurve | Unread]:
-    """The curves of a file; of those that cannot be read, what is wrong, with its name."""
-    source = str(path)
+def _in_file(path: Path, place: dict[str, float], names: Names, *given: Quantity) -> Iterator[ForceCurve | Unread]:
+    """The curves of a file, with this spring and sensitivity; of those that cannot be read, what is wrong."""
     try:
         lines = _lines(path)
-        table = _heading(lines, columns)
-        makers = list(
-            _of_table(lines, table, spring, sensitivity) if table else _of_instrument(path, lines, spring, sensitivity)
-        )
+        table = _heading(lines, names)
+        makers = list(_of_table(table, lines, *given) if table else _of_instrument(path, lines, *given))
     except (InputError, OSError) as error:
-        yield Unread(InputError(f"{error} ('{source}')"), place, source)
+        yield Unread(InputError(f"{error} ('{path}')"), place, str(path))
         return
     for own, make in makers:
         try:
-            yield make(place=place | own, source=source).with_spring(spring)
+            yield make(place=place | own, source=str(path)).with_spring(given[0])
         except InputError as error:
-            yield Unread(InputError(f"{error} ('{source}')"), place | own, source)
+            yield Unread(InputError(f"{error} ('{path}')"), place | own, str(path))
 
 
 def _lines(path: Path) -> list[str]:
@@ -205,18 +197,9 @@ def _legs_by_way(piezo: Array, segment: AnyArray) -> AnyArray | None:
 def _legs_named(columns: str | Mapping[str, str]) -> list[dict[str, str]]:
     """Names of columns by what they hold; two where approach and retraction lie side by side."""
     text = columns if isinstance(columns, str) else ",".join(map("=".join, columns.items()))
-    pairs = re.findall(r"(\w+)\s*=\s*(.*?)\s*(?:,(?=\s*\w+\s*=)|$)", text)
+    pairs = re.findall(r"(\w+)\s*=\s*(.+?)\s*(?:,(?=\s*\w+\s*=)|$)", text)
     first, last = dict(reversed(pairs)), dict(pairs)
-    if not _enough(first) or not all(role in _OWN and name for role, name in pairs):
-        raise InputError(
-            f"columns: {text!r}; must be piezo=NAME,force=NAME with names in the file, of {', '.join(_OWN)}"
-        )
     return [first] if first == last else [first, last]
-
-
-def _enough(names: Mapping[str, object]) -> bool:
-    """Whether there is a position and a force."""
-    return bool({"piezo", "tip"} & set(names)) and bool({"force", "deflection"} & set(names))
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -228,20 +211,23 @@ def _cells(line: str, delimiter: str) -> list[str]:
 def _places(cells: Sequence[str], names: Mapping[str, str]) -> _Places:
     """Where columns of these names are; nowhere if one is missing that is needed."""
     places: _Places = {}
+    twice = ""
     for role, name in names.items():
         ((bare, unit),) = _NAME.findall(name.lstrip("-"))
         for k, cell in enumerate(cells):
             ((one, own),) = _NAME.findall(cell)
             if bare.casefold() == cell.casefold() or (bare.casefold() == one.casefold() and unit in ("", own)):
-                if role in places:
-                    raise InputError(f"curve: more than one column {name}; leave one, or name it with its unit")
+                twice = name if role in places else twice
                 places[role] = (k, -1.0 if name.startswith("-") else 1.0, unit or own)
-    return places if _enough(places) and (names is _OWN or len(places) == len(names)) else {}
+    enough = {"piezo", "tip"} & set(places) and {"force", "deflection"} & set(places)
+    if enough and twice:
+        raise InputError(f"curve: more than one column {twice}; leave one, or name it with its unit")
+    return places if enough and (names is _OWN or len(places) == len(names)) else {}
 
 
-def _heading(lines: Sequence[str], columns: Names) -> tuple[int, str, int, list[_Places]] | None:
-    """The line with names that are known, what is between them, how many, and where those are that are needed."""
-    known = _KNOWN if columns is None else [_legs_named(columns)]
+def _heading(lines: Sequence[str], columns: Names) -> _Table | None:
+    """Where columns are whose names are known, or given."""
+    known = [[_OWN], *map(_legs_named, _EXPORTS)] if columns is None else [_legs_named(columns)]
     for number, line in enumerate(lines):
         delimiter = next((one for one in "\t;," if one in line), " ")
         cells = [] if _NUMBERS.fullmatch(line) else _cells(line.lstrip("# ").removeprefix("columns:"), delimiter)
@@ -250,82 +236,68 @@ def _heading(lines: Sequence[str], columns: Names) -> tuple[int, str, int, list[
             if all(legs) and (delimiter != " " or len(cells) == len(below.split())):  # and no sentence
                 return number, delimiter, len(cells), legs
     if lines and columns is not None:
-        raise _unknown(lines, columns)
+        raise InputError(_unknown(lines, columns))
     return None
 
 
-def _of_table(
-    lines: Sequence[str], table: tuple[int, str, int, list[_Places]], spring: Quantity, sensitivity: Quantity
-) -> _Makers:
-    """Curves of a text with names of columns that are known."""
+def _of_table(table: _Table, lines: Sequence[str], spring: Quantity, sensitivity: Quantity) -> _Makers:
+    """Curves of a text with names of columns that are known.
+
+    Lines without a digit, such as one of units below the names or one at the end, are no rows, nor are those without a
+    value in any column that is needed, as where one leg is longer than the other beside it.
+    """
     start, delimiter, width, legs = table
     told = next((float(one[1].replace(",", ".")) for one in map(_SPRING.match, lines) if one), None)
     segments = np.cumsum([line.startswith("# segment:") for line in lines])
     below = [k for k in range(start + 1, len(lines)) if re.match(r"[^#]*\d", lines[k])]
     above = (line for line in lines[start + 1 : next(iter(below), start)] if re.match(r"# units:|\s*[^#\s]", line))
     units = _cells(next(above, "").removeprefix("# units: "), delimiter) + width * [""]
-    rows = []
+    rows: list[list[str]] = []
     for leg, places in enumerate(legs):
         for k in below:
-            if row := _row(k, lines[k], delimiter, width, places):
-                rows.append({"segment": leg or segments[k], **row})
+            cells = _cells(lines[k], delimiter) + width * [""]
+            if any(cells[width:]):
+                much = f"row {k + 1} has {len(cells) - width} values for {width} columns"
+                raise InputError(f"curve: {much}; decimal commas need another separator, such as a semicolon")
+            if any(needed := [cells[place].replace(",", ".") for place, *_ in map(places.__getitem__, legs[0])]):
+                rows.append([str(leg or segments[k]), *needed])
     if not rows:
         raise InputError("curve: the file has no rows below the names of its columns")
-    columns = {role: np.array([row[role] for row in rows]) for role in rows[0]}
+    columns: dict[str, AnyArray] = {}
+    for role, texts in zip(("segment", *legs[0]), zip(*rows, strict=True), strict=True):
+        columns[role] = np.array(texts)
+        if role not in ("segment", "curve"):
+            columns[role] = legs[0][role][1] * numbers([text or "nan" for text in texts], role)
     unit_of = {role: unit or units[place].strip("[]()") for role, (place, _, unit) in legs[0].items()}
     if unit_of.get("force") in ("m", "V"):  # of JPK
         columns["deflection"], unit_of["deflection"] = columns.pop("force"), unit_of.pop("force")
-    known: dict[str, Any] = {
-        "units": {role: unit_of[role] for role in COLUMNS if unit_of.get(role)},
-        "sensitivity": sensitivity,
-        "spring": told or spring,
-        "deflected": told is not None,
-    }
-    numbers = columns.pop("curve", np.zeros(len(rows)))
-    for number in dict.fromkeys(numbers.tolist()):
-        own: dict[str, Any] = {role: values[numbers == number] for role, values in columns.items()}
-        where = [(role, f"{own.pop(role)[0]} {unit_of[role] or 'nm'}") for role in ("x", "y") if role in own]
+    about: dict[str, Any] = {"spring": told or spring, "deflected": told is not None, "sensitivity": sensitivity}
+    about["units"] = {role: unit_of[role] for role in COLUMNS if unit_of.get(role)}
+    labels = columns.pop("curve", np.zeros(len(rows)))
+    for label in dict.fromkeys(labels.tolist()):
+        own: dict[str, Any] = {role: values[labels == label] for role, values in columns.items()}
+        at = {
+            k: parse(f"{own.pop(k)[0]} {unit_of[k] or 'nm'}", "length", f"curve: {k}") for k in ("x", "y") if k in own
+        }
         if len(legs) == 1 and "segment" not in legs[0]:
             own["segment"] = _legs_by_way(own["piezo" if "piezo" in own else "tip"], own["segment"])
-        yield (
-            {role: parse(text, "length", f"curve: {role}") for role, text in where},
-            partial(ForceCurve, **known, **own),
-        )
+        yield at, partial(ForceCurve, **about, **own)
 
 
-def _row(number: int, line: str, delimiter: str, width: int, places: _Places) -> dict[str, Any]:
-    """What a row holds, NaN where it ends early; nothing where all cells are empty."""
-    cells, decimal = _cells(line, delimiter) + width * [""], "." if delimiter == "," else ","
-    try:
-        if any(cells[width:]):
-            raise ValueError
-        row = {
-            role: cells[place]
-            if role in ("segment", "curve")
-            else sign * float(cells[place].replace(decimal, ".") or "nan")
-            for role, (place, sign, _) in places.items()
-        }
-    except ValueError:
-        much = f"row {number + 1} has {len(cells) - width} values for {width} columns"
-        remedy = "decimal commas need another separator, such as a semicolon, and other texts must go"
-        raise InputError(f"curve: {much}; {remedy}: {line[:80]!r}") from None
-    return row if any(cells[place] for place, *_ in places.values()) else {}
-
-
-def _unknown(lines: Sequence[str], columns: Names = None) -> InputError:
+def _unknown(lines: Sequence[str], columns: Names = None) -> str:
     """That columns are not found; what they are called may be said in the line above the first numbers."""
     first = next((k for k, line in enumerate(lines) if _NUMBERS.fullmatch(line)), 0)
     above = lines[max(first - 1, 0)].strip()[:80]
     wanted = "piezo (or tip) and force (or deflection)" if columns is None else repr(columns)
     remedy = "write piezo [nm],force [nN] above the numbers, or give the names with --columns 'piezo=NAME,force=NAME'"
-    return InputError(f"curve: the file has no columns {wanted} in its line {above!r}; {remedy}")
+    return f"curve: the file has no columns {wanted} in its line {above!r}; {remedy}"
 
 
 # Instruments
 
 
 @contextmanager
-def _reading(unknown: InputError | None = None) -> Iterator[None]:
+def _reading(otherwise: str = "") -> Iterator[None]:
     """What afmformats prints is put aside, and what it raises, which may be anything, is an InputError."""
     try:
         with redirect_stderr(io.StringIO()), warnings.catch_warnings():
@@ -334,14 +306,10 @@ def _reading(unknown: InputError | None = None) -> Iterator[None]:
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:
-        missing = [key for key in _MISSING if key in getattr(error, "meta_keys", ())]
-        said = f"cannot be read by afmformats ({type(error).__name__}: {error}); unpack it, or export it as text "
-        said += "(NanoScope Analysis: Export, ASCII) and name the columns with --columns"
-        if missing:
-            said = f"does not tell {' and '.join(missing)}: give {' and '.join(_MISSING[key] for key in missing)}"
-        elif isinstance(error, ImportError):
-            said = "needs afmformats: pip install 'contbranch[afm]', or give a CSV file"
-        raise (None if missing else unknown) or InputError(f"curve: the file {said}") from None
+        if missing := [option for key, option in _MISSING.items() if key in getattr(error, "meta_keys", ())]:
+            otherwise = f"curve: the file does not tell all that is needed: give {' and '.join(missing)}"
+        said = f"curve: the file cannot be read by afmformats ({type(error).__name__}: {error}); {_REMEDY}"
+        raise InputError(otherwise or said) from None
 
 
 def _of_instrument(path: Path, lines: Sequence[str], spring: Quantity, sensitivity: Quantity) -> _Makers:
@@ -350,7 +318,7 @@ def _of_instrument(path: Path, lines: Sequence[str], spring: Quantity, sensitivi
     if sensitivity is not None:
         factor, unit = (1.0, "nA") if path.suffix == ".txt" else (1e-9, "V")  # nA in texts of NT-MDT
         given["sensitivity"] = factor * scale("deflection", unit, sensitivity)
-    with _reading(_unknown(lines) if lines and path.suffix.lower() not in _INSTRUMENTS else None):
+    with _reading(_unknown(lines) if lines and path.suffix.lower() not in _INSTRUMENTS else ""):
         import afmformats
 
         try:
@@ -358,9 +326,9 @@ def _of_instrument(path: Path, lines: Sequence[str], spring: Quantity, sensitivi
         except afmformats.errors.MissingMetaDataError:
             groups = afmformats.load_data(path, meta_override=given)
     for data in groups:
-        place = {key: 1e9 * float(data.metadata.get(f"position {key}", math.nan)) for key in ("x", "y")}
-        known = all(map(math.isfinite, place.values()))
-        yield place if known else {}, partial(_of_data, data, spring, given.get("sensitivity"))
+        at = {key: 1e9 * float(data.metadata.get(f"position {key}", math.nan)) for key in ("x", "y")}
+        place = at if all(map(math.isfinite, at.values())) else {}
+        yield place, partial(_of_data, data, spring, given.get("sensitivity"))
 
 
 def _of_data(data: Any, spring: Quantity, sensitivity: float | None, **about: Any) -> ForceCurve:
@@ -371,7 +339,9 @@ def _of_data(data: Any, spring: Quantity, sensitivity: float | None, **about: An
         segment = _legs_by_way(piezo, np.asarray(data["segment"])) if "segment" in data.columns else None
     if sensitivity is not None:
         if "sensitivity" not in data.metadata:
-            raise InputError("sensitivity: given; the file holds forces, and not its own: leave it out")
+            raise InputError(
+                f"sensitivity: {1e9 * sensitivity:g} nm/V; the file holds forces, not its own: leave it out"
+            )
         force *= sensitivity / data.metadata["sensitivity"]
     told = data.metadata.get("spring constant")
     return ForceCurve(piezo, force, told or spring, segment, deflected=told is not None, **about)
