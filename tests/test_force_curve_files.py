@@ -154,7 +154,7 @@ def test_segments_of_a_file_are_legs_by_the_way_of_the_piezo(tmp_path):
     curve = cb.read_force_curve(tmp_path / "creep.h5", spring=SPRING)
     assert sizes(curve) == (COUNT, 130, COUNT)
     assert np.allclose(curve.force, hertz(piezo))  # whose spring is not told: as they are
-    with pytest.raises(cb.InputError, match="sensitivity: '50 nm/V'; the file holds forces"):
+    with pytest.raises(cb.InputError, match="sensitivity: 50 nm/V; the file holds forces, not its own: leave it out"):
         cb.read_force_curve(tmp_path / "creep.h5", spring=SPRING, sensitivity="50 nm/V")
 
 
@@ -166,9 +166,13 @@ def test_what_a_file_lacks_is_given(tmp_path):
     pytest.importorskip("afmformats")
     heading = [*WORKSHOP, "Extend Z-Sense(nm),Extend T-B(V),Retract Z-Sense(nm),Retract T-B(V)"]
     file = written(tmp_path / "w.csv", heading, UP, VOLTS[:COUNT], UP[::-1], VOLTS[COUNT:])
-    lacks = "does not tell spring constant and sensitivity: give --spring '0.5 N/m' and --sensitivity '50 nm/V'"
-    for given in ({}, {"spring": "0.5 N/m"}, {"sensitivity": "50 nm/V"}):
-        with pytest.raises(cb.InputError, match=lacks):
+    spring, volts = "--spring '0.5 N/m'", "--sensitivity '50 nm/V'"
+    for given, lacks in (
+        ({}, f"{spring} and {volts}"),
+        ({"spring": "0.5 N/m"}, volts),
+        ({"sensitivity": "50 nm/V"}, spring),
+    ):
+        with pytest.raises(cb.InputError, match=f"does not tell all that is needed: give {lacks} .*w.csv"):
             cb.read_force_curve(file, **given)
     curve = cb.read_force_curve(file, "0.5 N/m", sensitivity="50 nm/V")
     assert sizes(curve) == (COUNT, 0, COUNT)
@@ -271,13 +275,15 @@ def test_texts_of_optics11(tmp_path):
 @pytest.mark.parametrize(
     ("text", "given", "words"),
     [
-        ("", {}, "'x.csv' is empty"),
+        ("", {}, r"the file is empty \('x.csv'\)"),
         ("piezo [nm],force [nN]\n", {}, "has no rows below the names"),
         ("Z (nm),F (nN)\n1,2\n", {}, r"no columns piezo \(or tip\) .* in its line 'Z \(nm\),F \(nN\)'; .*--columns"),
         ("Z (nm),F (nN)\n1,2\n", {"columns": "piezo=z,force=G"}, r"no columns 'piezo=z,force=G' in its line 'Z \(nm\)"),
         ("Z (nm),Z (V),F\n1,2,3\n", {"columns": "piezo=Z,force=F"}, "more than one column Z; .* with its unit"),
-        ("Z,F\n1,2\n", {"columns": "piezo=Z"}, "columns: 'piezo=Z'; must be piezo=NAME,force=NAME"),
-        ("Z,F\n1,2\n", {"columns": "place=Z,force=F"}, "columns: 'place=Z,force=F'; must be"),
+        ("Z,F\n1,2\n", {"columns": "piezo=Z"}, "no columns 'piezo=Z' in its line 'Z,F'; .*piezo=NAME,force=NAME"),
+        ("Z,F\n1,2\n", {"columns": "place=Z,force=F"}, "no columns 'place=Z,force=F' in its line 'Z,F'"),
+        ("piezo,force\n" + "1,2\n" * 20 + "3,F5\n", {}, "force must be numbers .*'F5'"),
+        ("piezo [nm];force [nN]\n1,0;2,0;3\n", {}, "row 2 has 3 values for 2 columns; decimal commas need another"),
         ("piezo,deflection [V]\n" + "1,2\n" * 20, {}, "sensitivity: missing; .* per V, such as '50 nm/V'"),
         ("piezo,deflection [V]\n" + "1,2\n" * 20, {"sensitivity": "2 V/nm"}, "sensitivity: '2 V/nm'; must be a length"),
         ("piezo,deflection\n" + "1,2\n" * 20, {"sensitivity": "2 nm/V"}, "no deflection is in volts: leave it out"),

@@ -20,7 +20,7 @@ from contbranch.contact.units import Quantity, parse, positive_number
 from contbranch.errors import InputError, ModelError, look_up
 from contbranch.measure.comparison import Comparison
 from contbranch.measure.conclusions import apart, concluded
-from contbranch.measure.features import NoAdhesionError
+from contbranch.measure.features import SEEN, NoAdhesionError
 from contbranch.measure.force_curve import LEAST, ForceCurve
 from contbranch.measure.minimum import LONG, MISFIT, Minimiser, Minimum, correlation_length, loss, moved
 from contbranch.measure.quantities import INSTRUMENT, LINEAR, NARROW, Problem, State
@@ -202,7 +202,8 @@ def _alone(settings: Settings, back: bool) -> _Fitting:
     except NoAdhesionError:
         bare = _Fitting(settings.bare(), [back], False)
         words = "This leg shows no adhesion, and is fitted by the theory of a contact without (Hertz', Sneddon's)."
-        bare.minimiser.seen = replace(bare.minimiser.seen, notes=(words, *bare.minimiser.seen.notes))
+        seen = bare.minimiser.seen
+        bare.minimiser.seen = replace(seen, notes=(words, *seen.notes), adhesion=SEEN * seen.noise)  # what hides in it
         return bare
 
 
@@ -319,41 +320,31 @@ class _Fitting:
         return found.problem.values(found.x)
 
     def compared(self) -> Fit:
-        """The best of several laws."""
+        """The best of several laws, by Bayesian information criteria; residuals that are correlated are worth fewer."""
         if not tabulated(_with_law(self.contact, "exponential")):
             raise InputError("law: compare; is for a parabola")
         found: dict[str, Minimum] = {}
         for k, name in enumerate(COMPARED):
             with part(k / len(COMPARED), (k + 1) / len(COMPARED)):
-                found[name] = self.law(name)
+                found[name] = self.profiled(self.law(name))
             if over():
                 break
-        # what else fits as well is asked of those that may be the best
-        first = self._scores(found)
-        found |= {
-            name: self.profiled(one) for name, one in found.items() if first[name] < min(first.values()) + EXCLUDED
-        }
-        scores = self._scores(found)
-        order = sorted(scores, key=scores.__getitem__)
-        best = scores[order[0]]
-        listed = ((name, found[name]) for name in order)
-        fits = [LawFit(name, one.rms, scores[name] - best, one.problem.values(one.x)) for name, one in listed]
-        result = concluded(self.minimiser, found[order[0]])
-        near = [one.law for one in fits[1:] if one.criterion < EXCLUDED]
-        words = f"Of the laws compared {fits[0].law} fits best"
-        words += f"; the curve does not exclude {' and '.join(near)}." if near else "; the others are excluded by it."
-        return replace(result, laws=tuple(fits), message=f"{words} {result.message}")
-
-    def _scores(self, found: Mapping[str, Minimum]) -> dict[str, float]:
-        """Bayesian information criteria, by law; residuals that are correlated are worth fewer."""
-        count, noise = len(self.minimiser.curve), self.minimiser.seen.noise
+        noise, count = self.minimiser.seen.noise, len(self.minimiser.curve)
         losses = {name: loss(np.append(one.forces / noise, one.places)) for name, one in found.items()}
         close = found[min(losses, key=losses.__getitem__)]
-        misfit, length = max(1.0, min(losses.values()) / count), 1.0
-        if misfit > MISFIT**2:
-            length = max(1.0, correlation_length(close.forces))
+        misfit = max(1.0, min(losses.values()) / count)
+        length = correlation_length(close.forces) if misfit > MISFIT**2 else 1.0
         penalty = math.log(max(count / length, 8.0))
-        return {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found.items()}
+        scores = {name: losses[name] / (misfit * length) + one.x.size * penalty for name, one in found.items()}
+        best, *others = sorted(scores, key=scores.__getitem__)
+        fits = [LawFit(name, found[name].rms, scores[name] - scores[best], found[name].problem.values(found[name].x))
+                for name in (best, *others)]  # fmt: skip
+        near = " and ".join(one.law for one in fits[1:] if one.criterion < EXCLUDED)
+        words = f"the curve does not exclude {near}" if near else "the others are excluded by it"
+        result = concluded(self.minimiser, found[best])
+        return replace(
+            result, laws=tuple(fits), message=f"Of the laws compared {best} fits best; {words}. {result.message}"
+        )
 
     def _followed(self, problem: Problem) -> Minimum:
         """The best minimum: starts tried roughly, the best of them followed to the end."""

@@ -96,18 +96,18 @@ class ForceCurve:
     ) -> None:
         refuse_unknown((*others, *(others.get("units") or {})), (*COLUMNS, *_OPTIONS), "curve: ")
         units, sensitivity, deflected, source, place = (others.pop(name, None) for name in _OPTIONS)
-        given = {"piezo": piezo, "force": force, "segment": segment, **others}
-        sizes = {name: np.size(values) for name, values in given.items() if values is not None}
-        if len(set(sizes.values())) > 1:
-            much = " and ".join(f"{n} {name}" for name, n in sizes.items())
-            raise InputError(f"curve: {much} values; must be as many")
         if sensitivity is not None and is_unit((units or {}).get("deflection") or "nm"):
             raise InputError(f"sensitivity: {sensitivity!r}; no deflection is in volts: leave it out, or add its unit")
-        known = [name for name in COLUMNS if name in sizes]
-        columns = {name: _column(given[name], name, (units or {}).get(name), sensitivity) for name in known}
+        given = {name: one for name, one in {"piezo": piezo, "force": force, **others}.items() if one is not None}
+        columns = {name: _column(one, name, (units or {}).get(name), sensitivity) for name, one in given.items()}
         for one, other in (("piezo", "tip"), ("force", "deflection")):
             if (one in columns) == (other in columns):
                 raise InputError(f"curve: give either {one} or {other}")
+        sizes = {name: values.size for name, values in columns.items()}
+        sizes |= {} if segment is None else {"segment": np.size(segment)}
+        if len(set(sizes.values())) > 1:
+            much = " and ".join(f"{n} {name}" for name, n in sizes.items())
+            raise InputError(f"curve: {much} values; must be as many")
         stiffness = None if spring is None else stiffness_of(spring)
         if "deflection" in columns and stiffness is None:
             raise InputError("spring: missing; a deflection becomes a force with the stiffness of the cantilever")
@@ -128,7 +128,7 @@ class ForceCurve:
         Raises
         ------
         InputError
-            If a tip position was taken for that of a rigid drive: give the spring when the curve is made.
+            If it is no stiffness.
         """
         if spring is None:
             return self
@@ -163,9 +163,7 @@ def _order(drive: Array, retract: Flags, pause: Flags) -> Indices:
         much = f"{drive.size - int(pause.sum())} samples on approach and retraction, the others in pauses"
         raise InputError(f"curve: {much}; must be at least {LEAST} on one of them")
     long = []
-    for leg, way, words in zip(
-        legs, (1.0, -1.0), ("grow steadily on approach", "fall steadily on retract"), strict=True
-    ):
+    for leg, way, words in zip(legs, (1, -1), ("grow steadily on approach", "fall steadily on retract"), strict=True):
         if leg.size >= 2 * LEAST:
             long.append((leg, words, way * np.diff([part.mean() for part in np.array_split(drive[leg], LEAST)])))
     turned = len(long) == 2 and sum(steps.sum() < 0.0 for *_, steps in long) == 1

@@ -26,8 +26,8 @@ ROBUST = 3.0
 # Where the residuals' standard deviation exceeds the noise by this, or their correlation length a sample, the model is
 # not the curve's, and weights are those of residuals with that deviation and correlation.
 MISFIT, LONG = 1.25, 2.0
-# Numbers of parts over which means are taken to see slow residuals.
-PARTED = (64, 32, 16)
+# Blocks over which means are taken to see slow residuals are so many at least.
+BLOCKS = 16
 # Relative steps of derivatives.
 STEP = 3e-4
 # What MINPACK says where it has come to no minimum with the evaluations allowed.
@@ -322,20 +322,16 @@ def loss(residuals: Array) -> float:
 
 
 def correlation_length(values: Array) -> float:
-    """1 + 2 Σ ρ_k up to the first ρ_k below 0.05; more where means over parts vary more than that says.
+    """Number of values in a row that are worth one independent one, 1 for white noise.
 
-    Of what varies slowly and less than the noise, such as a drift, single ρ_k say nothing.
+    The largest of what the means over blocks vary more than those of white noise would, for blocks of 2, 4, 8, … values
+    (H. Flyvbjerg, H. G. Petersen 1989). A slow drift that is smaller than the noise shows in long blocks alone.
     """
-    centred = np.clip(values - np.median(values), *np.quantile(values - np.median(values), (0.01, 0.99)))
-    size = 1 << (2 * centred.size - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
-    rho = np.fft.irfft(spectrum)[: centred.size // 2]
-    rho /= rho[0] or 1.0
-    low = np.flatnonzero(rho < 0.05)
-    length = float(1.0 + 2.0 * rho[1 : int(low[0]) if low.size else rho.size].sum())
-    variance = float(np.mean(centred**2))
-    for parts in PARTED if variance > 0.0 else ():
-        each = centred.size // parts
-        means = centred[: each * parts].reshape(parts, -1).mean(axis=1) if each else np.zeros(1)
-        length = max(length, each * float(np.mean(means**2)) / variance)
+    away = values - np.median(values)
+    centred = np.clip(away, *np.quantile(away, (0.01, 0.99)))
+    variance, size, length = float(np.mean(centred**2)) or 1.0, 2, 1.0
+    while centred.size >= BLOCKS * size:
+        means = centred[: centred.size // size * size].reshape(-1, size).mean(axis=1)
+        length = max(length, size * float(np.mean(means**2)) / variance)
+        size *= 2
     return length

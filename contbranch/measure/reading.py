@@ -31,12 +31,13 @@ _HEIGHTS = ("smoothedMeasuredHeight", "measuredHeight", "smoothedStrainGaugeHeig
 _RAMPS = ",".join(f"piezo=Calc_Ramp_{leg}_nm [nm],deflection=Defl_{{0}}_{leg} [{{0}}]" for leg in ("Ex", "Rt"))
 _EXPORTS = ["piezo=Piezo (nm),deflection=Cantilever (nm)", *map(_RAMPS.format, ("nm", "V"))]
 _EXPORTS += [f"force=vDeflection,piezo=-{height}" for height in _HEIGHTS]
-# A name with a unit in brackets, a line of numbers, and a spring constant.
+# A name with a unit in brackets, a line of numbers, a spring constant, and usual suffixes.
 _NAME = re.compile(r"^(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?$", re.DOTALL)
 _NUMBERS = re.compile(r"[\d.,;eE+\s-]*\d[\d.,;eE+\s-]*")
 _SPRING = re.compile(r"(?:k \(N/m\)|# springConstant:)\s+(\d+[.,]?\d*(?:[eE][+-]?\d+)?)")
 _TEXTS = (".csv", ".txt", ".tsv", ".dat")
 _INSTRUMENTS = (".ibw", ".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".h5", ".tab", ".zip")
+# What a file may lack, with how it is given, and what helps where a file cannot be read.
 _MISSING = {"spring constant": "--spring '0.5 N/m'", "sensitivity": "--sensitivity '50 nm/V'"}
 _REMEDY = "install contbranch[afm], unpack it, or export it as text (NanoScope: Export, ASCII) and name the --columns"
 # A segment that moves by a smaller share of the way of the piezo is a pause: creep 0.05 in measured files, legs 0.7.
@@ -149,7 +150,7 @@ def _named(stems: Sequence[str]) -> list[dict[str, float]]:
 
 
 def _in_file(path: Path, place: dict[str, float], names: Names, *given: Quantity) -> Iterator[ForceCurve | Unread]:
-    """The curves of a file, with this spring and sensitivity; of those that cannot be read, what is wrong."""
+    """The curves of a file, with this spring and sensitivity; for one that cannot be read, why, and of which file."""
     try:
         lines = _lines(path)
         table = _heading(lines, names)
@@ -226,7 +227,7 @@ def _places(cells: Sequence[str], names: Mapping[str, str]) -> _Places:
 
 
 def _heading(lines: Sequence[str], columns: Names) -> _Table | None:
-    """Where columns are whose names are known, or given."""
+    """The first line with names that are known, or given; none in a text of another kind."""
     known = [[_OWN], *map(_legs_named, _EXPORTS)] if columns is None else [_legs_named(columns)]
     for number, line in enumerate(lines):
         delimiter = next((one for one in "\t;," if one in line), " ")
@@ -276,9 +277,7 @@ def _of_table(table: _Table, lines: Sequence[str], spring: Quantity, sensitivity
     labels = columns.pop("curve", np.zeros(len(rows)))
     for label in dict.fromkeys(labels.tolist()):
         own: dict[str, Any] = {role: values[labels == label] for role, values in columns.items()}
-        at = {
-            k: parse(f"{own.pop(k)[0]} {unit_of[k] or 'nm'}", "length", f"curve: {k}") for k in ("x", "y") if k in own
-        }
+        at = {k: parse(f"{own.pop(k)[0]} {unit_of[k] or 'nm'}", "length", f"curve: {k}") for k in "xy" if k in own}
         if len(legs) == 1 and "segment" not in legs[0]:
             own["segment"] = _legs_by_way(own["piezo" if "piezo" in own else "tip"], own["segment"])
         yield at, partial(ForceCurve, **about, **own)
