@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contbranch.arrays import Array, Flags, Indices
-from contbranch.measure.features import NEIGHBOURS, Features, MeasuredJump, step_weights
+from contbranch.measure.features import NEIGHBOURS, SIGNIFICANT, Features, MeasuredJump, step_weights
 from contbranch.measure.force_curve import ForceCurve
 from contbranch.measure.reduced import Curve
 
@@ -23,8 +23,6 @@ from contbranch.measure.reduced import Curve
 STEEP = 2
 # Jumps below this multiple of the noise have no place in a curve.
 SMALL = 2.0
-# ... and there is none where the data have no step of so many times its error.
-BEYOND = 3.0
 # An extremum of z is a corner where its steps on the flat side are below this share of that on the steep one; those of
 # a parabola are at least as large together.
 CORNER = 0.3
@@ -211,7 +209,7 @@ class Comparison:
             if beside.size < 2 * NEIGHBOURS:
                 continue
             step = float(step_weights() @ beside)
-            if step * math.copysign(1.0, leg.jump.step) < BEYOND * noise * np.linalg.norm(step_weights()):
+            if step * math.copysign(1.0, leg.jump.step) < SIGNIFICANT * noise * np.linalg.norm(step_weights()):
                 continue
             width = math.hypot(float(abs(np.diff(self.curve.piezo[own[k : k + 2]])[0])), math.sqrt(12.0) * spread)
             before, after = int(own[k]), int(own[k + 1])

@@ -35,8 +35,6 @@ ELSEWHERE = 0.1
 # Where a model leaves more than the noise, values are no better known than this share of what they change by when only
 # forces up to half of the largest are fitted: moduli of 29 measured curves change by 0.1 to 0.7.
 HALVED = 0.25
-# A modulus that changes by more than this share then depends on the depth.
-DEEPER = 0.1
 # Jumps agree within this share of the force.
 AGREE = 0.05
 
@@ -276,7 +274,7 @@ def _message(minimiser: Minimiser, found: Minimum, fit: Fit, lost: str, halved: 
         f"{left}: the model is not all there is in the curve; errors allow for that.":
             max(fit.rms, found.deviation) > LONG * seen.noise,
         f"Up to half of the largest force the modulus differs by {100 * change:+.0f} %: it depends on how deep the tip "
-        "is pressed, as on a layer, on a body that yields, or with a tip of another shape.": abs(change) > DEEPER,
+        "is pressed, as on a layer, on a body that yields, or with a tip of another shape.": abs(change) > KNOWN / 2,
     }  # fmt: skip
     return " ".join([*seen.notes, *(text for text, so in said.items() if so), *_disagreements(fit.jumps)])
 

@@ -23,12 +23,10 @@ NAMES = ("approach", "retraction")
 NEIGHBOURS = 12
 # Of several jumps off, the first one is the pull-off that has this share of the largest.
 FIRST_JUMP = 0.25
-# A baseline ends before a step that stands out from those farther away, where it has so many samples by then.
-BASELINE_SAMPLES = 3
 # A baseline rises by less than this share of the slope where the tip is pressed most.
 BASELINE_SLOPE = 0.5
-# A tilt is seen where it is so many times its error.
-TILTED = 3.0
+# A tilt or a step is seen where it is so many times its error.
+SIGNIFICANT = 3.0
 # A detector is at its end where the slope of so many samples, or of twice as many, and so on, is below this share of
 # that before them; what is within this share of the force there bends towards it.
 PLATEAU, FLAT, BENDING = 5, 0.3, 0.3
@@ -299,7 +297,7 @@ def _end_level(force: Array, piezo: Array, noise: float) -> float | None:
     while 2 * size <= force.size:
         windows = [slice(force.size - (k + 1) * size, force.size - k * size) for k in range(min(4, force.size // size))]
         (_, slope, share), *before = (straight_line(piezo[one], force[one]) for one in windows)
-        steepest, error = FLAT * max(abs(rise) for _, rise, _ in before), 3.0 * noise * share
+        steepest, error = FLAT * max(abs(rise) for _, rise, _ in before), SIGNIFICANT * noise * share
         if abs(slope) - error > steepest:
             return None
         level = float(np.median(force[windows[0]]))
@@ -374,7 +372,7 @@ def _baseline(curve: ForceCurve, approach: Indices, noise: float) -> tuple[float
     steps = np.abs(np.diff(force))
     before = np.maximum(JUMP_OVER_NOISE * noise, JUMP_OVER_STEPS * np.maximum.accumulate(steps)[:-1])
     jumps = np.flatnonzero(steps[1:] > before) + 1
-    if jumps.size and jumps[0] + 1 >= BASELINE_SAMPLES:
+    if jumps.size and jumps[0] + 1 >= JUMP_SAMPLES:
         piezo, force = piezo[: jumps[0] + 1], force[: jumps[0] + 1]
     count = min(max(6, piezo.size // 8), piezo.size)
     height, slope, error = straight_line(piezo[:count], force[:count])
@@ -389,7 +387,7 @@ def _baseline(curve: ForceCurve, approach: Indices, noise: float) -> tuple[float
         if longer <= count or np.abs(rest).max() > spread:
             break
         count, (height, slope, error) = longer, tried
-    if abs(slope) < TILTED * noise * error:  # noise explains it
+    if abs(slope) < SIGNIFICANT * noise * error:  # noise explains it
         return float(np.mean(force[:count])), 0.0
     return height, slope
 

@@ -177,10 +177,10 @@ def _of_legs(settings: Settings, leg: str) -> Fit:
     if not set(legs) <= set(present) or (leg == "both" and len(legs) < 2):
         raise InputError(f"leg: {leg}; the curve has no {'approach' if True in present else 'retraction'}")
     if len(legs) == 1 or settings.law == "compare":
-        return _Fitting(settings, legs, settings.baseline == "each").concluded()
-    joint = _Fitting(settings, legs, settings.baseline == "each")
+        return _fitted(settings, legs, settings.baseline == "each").concluded()
+    joint = _fitted(settings, legs, settings.baseline == "each")
     if settings.baseline == "auto" and not joint.explains():
-        other = _Fitting(settings, legs, True)
+        other = _fitted(settings, legs, each=True)
         if other.explains() or MISFIT * other.found.rms < joint.found.rms:
             joint = other
     if joint.explains() or over():
@@ -195,12 +195,21 @@ def _of_legs(settings: Settings, leg: str) -> Fit:
     return together if known[0] < known[1] else separate
 
 
+def _fitted(settings: Settings, legs: Sequence[bool], each: bool = False) -> _Fitting:
+    """Legs at once; without what seems to be at the end of a detector, where that explains more."""
+    found = _Fitting(settings, legs, each)
+    if not found.minimiser.seen.suspected or settings.law == "compare" or found.explains():
+        return found
+    other = _Fitting(settings, legs, each, suspect=True)
+    return other if other.explains() or MISFIT * other.left() < found.left() else found
+
+
 def _alone(settings: Settings, back: bool) -> _Fitting:
     """A leg by itself; without adhesion where it shows none."""
     try:
-        return _Fitting(settings, [back], False)
+        return _fitted(settings, [back])
     except NoAdhesionError:
-        bare = _Fitting(settings.bare(), [back], False)
+        bare = _fitted(settings.bare(), [back])
         words = "This leg shows no adhesion, and is fitted by the theory of a contact without (Hertz', Sneddon's)."
         seen = bare.minimiser.seen
         bare.minimiser.seen = replace(seen, notes=(words, *seen.notes), adhesion=SEEN * seen.noise)  # what hides in it
@@ -233,12 +242,7 @@ class _Fitting:
                 f"of {minimiser.stiffness:.3g} nN/nm; is a unit wrong, the stiffness or (then free it) the sensitivity?"
             )
         if settings.law != "compare":
-            self.found = self.law(settings.law)
-            self.found = self._within(self.found, settings.ranges)
-            if minimiser.seen.suspected and not self.explains():
-                other = _Fitting(settings, legs, each, suspect=True)
-                if other.explains() or MISFIT * other.left() < self.left():
-                    self.__dict__.update(other.__dict__)
+            self.found = self._within(self.law(settings.law), settings.ranges)
 
     def explains(self) -> bool:
         """Whether no more is left than the noise, in all and anywhere, and nothing that varies slowly."""

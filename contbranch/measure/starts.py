@@ -20,7 +20,7 @@ from contbranch.measure.reduced import bare_curve, tabulated
 # Tabor coefficients from which fits start, where the range is free; and factors of the modulus otherwise.
 STARTS, FACTORS = (0.2, 0.8, 3.0, 12.0), (0.2, 1.0, 5.0)
 # Contact points that are tried; of contacts without an interaction, over all positions, with so many samples.
-PLACES, SCANNED, SAMPLES = 24, 64, 256
+PLACES, SAMPLES = 64, 256
 # Minima of such a scan that are looked at more closely, and followed if their sum of squares is within this factor.
 TRIED, WITHIN = 4, 3.0
 
@@ -99,13 +99,13 @@ def scanned(minimiser: Minimiser, problem: Problem) -> list[State]:
         return np.where(moduli > 0, ((rest - moduli[:, None] * across) ** 2).sum(axis=1), math.inf), moduli
 
     first = depth.min() - (0.0 if based else np.ptp(depth))  # it may lie before the data begin
-    places = np.linspace(first, depth.max(), SCANNED, endpoint=False)
+    places = np.linspace(first, depth.max(), PLACES, endpoint=False)
     losses, _ = left(places)
     around = np.concatenate([[math.inf], losses, [math.inf]])
     minima = np.flatnonzero((losses <= around[:-2]) & (losses < around[2:]))
     least: list[tuple[float, float, float]] = []
     for k in minima[np.argsort(losses[minima])][:TRIED]:
-        near = places[k] + (places[1] - places[0]) * np.linspace(-1.0, 1.0, SCANNED // 4)
+        near = places[k] + (places[1] - places[0]) * np.linspace(-1.0, 1.0, PLACES // 4)
         losses, moduli = left(near)
         j = int(np.argmin(losses))
         least.append((float(losses[j]), float(near[j]), float(moduli[j])))
