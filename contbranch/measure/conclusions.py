@@ -92,7 +92,7 @@ def concluded(
 def apart(approach: Fit, retract: Fit) -> Fit:
     """Legs that are fitted each by itself as one result: the approach's, with the retraction's work of adhesion."""
     legs = {False: approach, True: retract}
-    moved = {name for name in retract.values if name.startswith("work_of_adhesion")}
+    moved = {name for name in retract.values if name.startswith("work_of_adhesion") or name not in approach.values}
     names = tuple(dict.fromkeys((*approach.values, *moved)))
     values, errors = (
         {name: getattr(legs[name in moved], kind)[name] for name in names} for kind in ("values", "errors")
@@ -102,10 +102,11 @@ def apart(approach: Fit, retract: Fit) -> Fit:
         places = [k for k, name in enumerate(fit.values) if (name in moved) is back]
         rows = [names.index([*fit.values][k]) for k in places]
         matrix[np.ix_(rows, rows)] = fit.correlations.matrix[np.ix_(places, places)]
-    contact = approach.contact
-    for name in moved:
-        known = parameters_of(contact)
-        contact = known[name].contact(values[name]) if name in known else retract.contact
+    contact = replace(retract.contact, modulus=approach.contact.modulus)  # the approach may be that of a bare contact
+    if approach.contact.interaction is not None:
+        contact = approach.contact
+        for name in moved:
+            contact = parameters_of(contact)[name].contact(values[name])
     fitted = np.where(retract.retract, retract.fitted, approach.fitted)
     return replace(
         approach,
@@ -166,13 +167,17 @@ def _covariance(
     least = dict.fromkeys(found.problem.names, 0.0)
     least |= {"contact_point": steps + share * depth, "modulus": share * values.get("modulus", 0.0)}
     for jump in jumps:
-        seen = found.comparison.seen.pull_off
-        if jump.name == "pull-off" and seen and jump.measured and jump.fitted:
+        seen, share = found.comparison.seen.pull_off, 0.0
+        if jump.name != "pull-off" or not jump.fitted:
+            continue
+        if not seen or not jump.measured:
+            share = float(minimiser.seen.returned)  # the contact has a jump that the curve does not show
+        else:
             place = max(abs(jump.fitted["piezo"] - jump.measured["piezo"]) - seen.width, steps)
             force = abs(jump.fitted["force"] - jump.measured["force"]) - jump.measured["uncertainty"]
             beyond = math.hypot(minimiser.slope()[0] * place, 0.0 if math.isnan(force) else max(force, 0.0))
             share = beyond / abs(jump.fitted["force"])
-            least |= {name: share * abs(values[name]) for name in values if name.startswith("work_of_adhesion")}
+        least |= {name: share * abs(values[name]) for name in values if name.startswith("work_of_adhesion")}
     for name in {*values} - {*LINEAR[1:]}:  # of legs half of what they are apart
         other = [(0.5, fit.values[name], fit.errors[name]) for fit in alone if name in fit.determined]
         other += [(HALVED, halved[name], 0.0)] if name in halved else []
