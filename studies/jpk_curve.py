@@ -32,7 +32,7 @@ def main() -> None:
         figure = fit.plot()
         figure.axes[0].set_xlim(-18.35, -17.78)
         figure.axes[0].set_title(title, fontsize=9.0)
-        figure.axes[1].set_ylim(-400.0, 300.0)
+        figure.axes[1].set_ylim(-450.0, 300.0)
         figure.set_dpi(220)
         figure.canvas.draw()
         panels.append(np.asarray(figure.canvas.buffer_rgba()))  # type: ignore[attr-defined]

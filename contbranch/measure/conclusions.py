@@ -162,7 +162,7 @@ def _covariance(
     state, values = found.problem.state(found.x), found.problem.values(found.x)
     steps = minimiser.seen.resolution / math.sqrt(12.0)  # of positions that are repeated
     depth = curve_of(state.contact, minimiser.seen.largest, found.problem.limit).displacement[-1]
-    share = 1.5 * steps / depth / math.sqrt(max(depth / max(minimiser.seen.resolution, 1e-300), 1.0))
+    share = 3.0 * steps / depth / math.sqrt(max(depth / max(minimiser.seen.resolution, 1e-300), 1.0))
     share += minimiser.seen.adhesion / minimiser.seen.largest  # which the contact does not have
     least = dict.fromkeys(found.problem.names, 0.0)
     least |= {"contact_point": steps + share * depth, "modulus": share * values.get("modulus", 0.0)}

@@ -182,7 +182,7 @@ def features(
                 f"what is beyond {1.0 - BENDING:.0%} of that is left out."
             )
     least, largest = float(np.min(force[used])), float(np.max(force[used]))
-    _refuse(curve, force, own, noise, (least, largest), adhesive)
+    _refuse(curve, force, own, noise, (least, largest), adhesive, any(flat.values()))
     held = 0.0
     if flat.get(True):
         leg, jump = own[True], jumps[True]
@@ -224,6 +224,7 @@ def _refuse(
     noise: float,
     extremes: tuple[float, float],
     adhesive: bool,
+    based: bool,
 ) -> None:
     """Raise InputError where there is nothing to fit; forces are those above the baseline."""
     allowed, (lowest, largest) = SEEN * noise, extremes
@@ -239,7 +240,7 @@ def _refuse(
         raise InputError(
             "curve: the force falls where the tip is pressed on; it must be positive in repulsion (give its negative)"
         )
-    if adhesive and -lowest < allowed:
+    if adhesive and based and -lowest < allowed:
         raise NoAdhesionError(
             f"curve: no adhesion: the force stays above {lowest:.3g} nN of its baseline, and the noise is "
             f"{noise:.3g} nN; work of adhesion and range cannot be found from it; fit a contact without interaction "
@@ -315,8 +316,10 @@ def _one_number(force: Array, noise: float, step: float) -> bool:
 def straight_line(x: Array, y: Array) -> tuple[float, float, float]:
     """Height at 0 and slope of the line through values, and the standard deviation of its slope for values of 1."""
     middle, height = float(x.mean()), float(y.mean())
+    if not np.ptp(x):
+        return height, 0.0, math.inf
     away = x - middle
-    size = float(away @ away) or 1e-300
+    size = float(away @ away)
     slope = float(away @ y) / size
     return height - slope * middle, slope, 1.0 / math.sqrt(size)
 
@@ -370,7 +373,7 @@ def _baseline(curve: ForceCurve, approach: Indices, noise: float) -> tuple[float
     """A line through the far part of a leg towards the surface, as far as it fits, and no farther than to a jump."""
     piezo, force = curve.piezo[approach], curve.force[approach]
     steps = np.abs(np.diff(force))
-    before = np.maximum(JUMP_OVER_NOISE * noise, JUMP_OVER_STEPS * np.maximum.accumulate(steps)[:-1])
+    before = np.maximum(JUMP_OVER_NOISE * noise, 0.5 * JUMP_OVER_STEPS * np.maximum.accumulate(steps)[:-1])
     jumps = np.flatnonzero(steps[1:] > before) + 1
     if jumps.size and jumps[0] + 1 >= JUMP_SAMPLES:
         piezo, force = piezo[: jumps[0] + 1], force[: jumps[0] + 1]

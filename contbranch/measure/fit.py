@@ -304,9 +304,9 @@ class _Fitting:
             if np.array_equal(inside, kept):
                 break
             kept = inside
-            if kept.sum() < 2 * LEAST:
+            if (pressed := int((kept & (depth > 0.0)).sum())) < LEAST:
                 name, value = next(iter(ranges.items()))
-                raise InputError(f"{name}: {value:g}; leaves {int(kept.sum())} samples of the curve")
+                raise InputError(f"{name}: {value:g}; leaves {pressed} samples in contact; must be at least {LEAST}")
             self.minimiser.samples = Comparison.of(curve, self.minimiser.seen, kept)
             again = self.minimiser.minimised(found.problem, found.x, self.minimiser.samples, (found.noise, MOST))
             found = self._weighted([again])

@@ -26,6 +26,9 @@ LEAST = 8
 METRES = {"piezo": 0.1, "tip": 0.1, "force": 1e-5, "deflection": 1e-4}
 # A drive that moves steadily: the median of its ways in parts of a leg as a share of their mean.
 STEADY = 0.2
+# Positions within this share of all are close to the turn. In a pause this share of them is within a quarter of that; a
+# quarter is where a drive is steady, a half where it follows a sine.
+CLOSE, RESTING = 0.01, 0.6
 # What a sample can be said to belong to.
 WORDS = {"approach": ("approach", "extend", "0", "false"), "retract": ("retract", "1", "true"), "pause": ("pause",)}
 
@@ -231,17 +234,20 @@ def _named(segment: Sequence[Any] | AnyArray) -> tuple[Flags, Flags]:
 def _split(drive: Array, force: Array) -> tuple[Flags, Flags]:
     """Which samples belong to the retraction, and which to a pause, as the drive moves.
 
-    What lies between the first and the last sample at the turn, as far as noise takes positions at rest apart, is a
-    pause if it is more than a drive that does not stop would pass.
+    What lies between the first and the last sample close to the turn is a pause, if these are more than a steady drive
+    would have there, and most of them at one place.
     """
     back = drive[0] + drive[-1] > drive.max() + drive.min()  # it begins and ends close to the surface
     way, number = -drive if back else drive, np.arange(drive.size)
-    turn, bends = int(np.argmax(way)), np.abs(np.diff(way, 2)) / (0.6745 * math.sqrt(6.0))
-    beside = (bends[max(turn - 4 * LEAST, 0) : turn], bends[turn : turn + 4 * LEAST])
-    apart = 2 * max(float(np.median(part)) for part in beside if part.size) * math.sqrt(2 * math.log(drive.size))
-    passed = 2 * apart * drive.size / max(float(2 * way.max() - way[0] - way[-1]), 1e-300)
-    first, last = np.flatnonzero(way >= way.max() - apart)[[0, -1]]
-    if last - first - 1 <= LEAST + passed:
+    turn = int(np.argmax(way))
+    bends = np.abs(np.diff(way[max(turn - 4 * LEAST, 0) : turn + 4 * LEAST], 2))
+    noise = float(np.median(bends)) / (0.6745 * math.sqrt(6.0)) if bends.size else 0.0
+    close = max(CLOSE * float(np.ptp(way)), 8.0 * noise)  # most of what rests is within a quarter of that
+    first, last = np.flatnonzero(way >= way.max() - close)[[0, -1]]
+    near = np.sort(way[first : last + 1])
+    densest = int(np.max(np.searchsorted(near, near + 0.25 * close, side="right") - np.arange(near.size)))
+    steady = 2 * close * drive.size / max(float(2 * way.max() - way[0] - way[-1]), 1e-300)
+    if near.size <= LEAST + 2 + steady or densest < RESTING * near.size:
         first, last = turn, turn + 1
     retract, pause = number <= first if back else number >= last, (number > first) & (number < last)
     low, high = (float(force[part].mean()) for part in np.split(np.argsort(drive), (LEAST, -LEAST))[::2])
