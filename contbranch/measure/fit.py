@@ -20,7 +20,7 @@ from contbranch.contact.units import Quantity, parse, positive_number
 from contbranch.errors import InputError, ModelError, look_up
 from contbranch.measure.comparison import Comparison
 from contbranch.measure.conclusions import apart, concluded
-from contbranch.measure.features import SEEN, NoAdhesionError
+from contbranch.measure.features import SEEN, SIGNIFICANT, NoAdhesionError
 from contbranch.measure.force_curve import LEAST, ForceCurve
 from contbranch.measure.minimum import LONG, MISFIT, Minimiser, Minimum, correlation_length, loss, moved
 from contbranch.measure.quantities import INSTRUMENT, LINEAR, NARROW, Problem, State
@@ -245,9 +245,10 @@ class _Fitting:
             self.found = self._within(self.law(settings.law), settings.ranges)
 
     def explains(self) -> bool:
-        """Whether no more is left than the noise, in all and anywhere, and nothing that varies slowly."""
+        """Whether no more is left than the noise, in all and anywhere, nothing varies slowly, and jumps are met."""
         found, noise = self.found, self.minimiser.seen.noise
-        return found.rms <= MISFIT * noise and found.worst <= LONG and found.deviation <= LONG * noise
+        placed = np.abs(found.places).max(initial=0.0) <= SIGNIFICANT
+        return bool(placed) and found.rms <= MISFIT * noise and found.worst <= LONG and found.deviation <= LONG * noise
 
     def left(self, *legs: bool) -> float:
         """Root mean square of what is left of the force in contact."""
