@@ -326,17 +326,19 @@ def straight_line(x: Array, y: Array) -> tuple[float, float, float]:
 
 def _last_step(force: Array, noise: float) -> int:
     """Number of samples up to the last step that stands out of those on either side of it; 0 if there is none."""
-    if force.size < 2 * NEIGHBOURS:
+    side = NEIGHBOURS * (2 if force.size > 8 * NEIGHBOURS else 1)
+    if force.size < 2 * side:
         return 0
-    steps = np.convolve(force, step_weights()[::-1], mode="valid")
-    large = np.flatnonzero(steps > JUMP_OVER_NOISE * noise * float(np.linalg.norm(step_weights())))
-    return int(large[-1]) + NEIGHBOURS if large.size else 0
+    weights = step_weights(side)
+    steps = np.convolve(force, weights[::-1], mode="valid")
+    large = np.flatnonzero(steps > JUMP_OVER_STEPS * noise * float(np.linalg.norm(weights)))
+    return int(large[-1]) + side if large.size else 0
 
 
 @cache
-def step_weights() -> Array:
-    """What times `NEIGHBOURS` values on either side is the step between the straight lines through them."""
-    side = np.linalg.pinv(np.vander(np.arange(NEIGHBOURS) + 0.5, 2))[1]
+def step_weights(size: int = NEIGHBOURS) -> Array:
+    """What times so many values on either side is the step between the straight lines through them."""
+    side = np.linalg.pinv(np.vander(np.arange(size) + 0.5, 2))[1]
     return np.concatenate([-side[::-1], side])
 
 
