@@ -23,6 +23,8 @@ NAMES = ("approach", "retraction")
 NEIGHBOURS = 12
 # Of several jumps off, the first one is the pull-off that has this share of the largest.
 FIRST_JUMP = 0.25
+# What holds the tip behind the pull-off, and lets go in a step, holds it with at least this share of the pull-off.
+HOLDING = 0.05
 # A baseline rises by less than this share of the slope where the tip is pressed most.
 BASELINE_SLOPE = 0.5
 # A tilt or a step is seen where it is so many times its error.
@@ -194,7 +196,7 @@ def features(
             words += " the baseline are left out."
         else:
             behind = leg[:0] if jump is None else leg[leg >= jump.after]
-            found = behind[: _last_step(sign * force[behind], noise)]
+            found = behind[: _last_step(sign * force[behind], noise, -HOLDING * least)]
             words = "The contact comes off in several steps, or a tether holds it: what lies between them is left out."
         if found.size:
             used[found] = False
@@ -324,15 +326,19 @@ def straight_line(x: Array, y: Array) -> tuple[float, float, float]:
     return height - slope * middle, slope, 1.0 / math.sqrt(size)
 
 
-def _last_step(force: Array, noise: float) -> int:
-    """Number of samples up to the last step that stands out of those on either side of it; 0 if there is none."""
-    side = NEIGHBOURS * (2 if force.size > 8 * NEIGHBOURS else 1)
-    if force.size < 2 * side:
-        return 0
-    weights = step_weights(side)
-    steps = np.convolve(force, weights[::-1], mode="valid")
-    large = np.flatnonzero(steps > JUMP_OVER_STEPS * noise * float(np.linalg.norm(weights)))
-    return int(large[-1]) + side if large.size else 0
+def _last_step(force: Array, noise: float, held: float) -> int:
+    """Number of samples up to the last step that stands out of those on either side of it; 0 if there is none.
+
+    Smaller ones are seen among twice as many samples, where they are at least what holds a tip.
+    """
+    found = 0
+    for side, times, least in ((NEIGHBOURS, JUMP_OVER_NOISE, 0.0), (2 * NEIGHBOURS, JUMP_OVER_STEPS, held)):
+        if force.size >= 2 * side:
+            weights = step_weights(side)
+            steps = np.convolve(force, weights[::-1], mode="valid")
+            large = np.flatnonzero(steps > max(times * noise * float(np.linalg.norm(weights)), least))
+            found = max(found, int(large[-1]) + side) if large.size else found
+    return found
 
 
 @cache
