@@ -52,7 +52,7 @@ def fitted(curve, contact, factor=2.0, **settings):
     if not contact.work_of_adhesion:
         return cb.fit(curve, cb.Contact.physical(**values), "modulus", **settings)
     values |= {"interaction": "maugis-dugdale", "work_of_adhesion": contact.work_of_adhesion / factor, "range": 0.5}
-    return cb.fit(curve, cb.Contact.physical(**values), law="jkr", **settings)
+    return cb.fit(curve, cb.Contact.physical(**values), **{"law": "jkr"} | settings)
 
 
 def assert_known(fit, **true):
@@ -83,6 +83,8 @@ def test_legs_that_differ_are_fitted_each_by_itself():
     assert_known(fit.legs["retract"], modulus=stiffer.modulus, work_of_adhesion=STICKY.work_of_adhesion)
     assert fit.values["modulus"] == fit.legs["approach"].values["modulus"]
     assert fit.values["work_of_adhesion"] == fit.legs["retract"].values["work_of_adhesion"]
+    assert fit.contact.modulus == pytest.approx(fit.values["modulus"])
+    assert fit.contact.interaction.work_of_adhesion == pytest.approx(fit.values["work_of_adhesion"])
     assert fit.errors["work_of_adhesion"] == fit.legs["retract"].errors["work_of_adhesion"]
     assert np.isfinite(fit.fitted[UP]).mean() > 0.98 < np.isfinite(fit.fitted[DOWN]).mean()  # few are within jumps
     share = re.search(r"the modulus of the retraction differs by \+(\d+) %", fit.message)
@@ -176,7 +178,7 @@ def test_dropouts_and_spikes_are_left_out_and_that_is_said(sticky):
     assert (force[dropped] > 20.0).all()
     force[dropped], force[spikes] = 0.0, force[spikes] + [60.0, -80.0, 50.0, -70.0]
     fit = fitted(cb.ForceCurve(sticky.piezo, force, STICKY.spring, sticky.retract.astype(int)), STICKY)
-    assert f"{len(dropped + spikes)} samples that stand alone, dropouts or spikes, are left out" in fit.message
+    assert f"Left out as dropouts or spikes: {len(dropped + spikes)} of" in fit.message
     assert np.isnan(fit.fitted[dropped + spikes]).all()
     assert np.isnan(fit.fitted).sum() <= len(dropped + spikes) + 4  # and samples within jumps
     assert_known(fit, work_of_adhesion=STICKY.work_of_adhesion, modulus=STICKY.modulus, contact_point=POINT)
@@ -239,6 +241,22 @@ def test_samples_out_of_a_range_are_left_out(bare):
     assert np.isnan(fit.fitted[(force > 2.0) & (force < 19.0)]).all()
     assert np.isfinite(fit.fitted[(force > 21.0) | (depth < -1.0)]).all()
     assert_known(fit, modulus=BARE.modulus)
+
+
+def test_a_least_force_below_zero_leaves_out_the_stronger_attraction(sticky):
+    force = STICKY.force(sticky.piezo - POINT, True)
+    force[UP] = STICKY.force(sticky.piezo[UP] - POINT, False)
+    fit = fitted(sticky, STICKY, min_force=-12.0)
+    assert np.isnan(fit.fitted[force < -13.0]).all()
+    assert np.isfinite(fit.fitted[force > 1.0]).all()
+    assert_known(fit, modulus=STICKY.modulus, work_of_adhesion=STICKY.work_of_adhesion)
+
+
+def test_laws_are_compared_within_a_range(sticky):
+    fit = fitted(sticky, STICKY, max_force=30.0, law="compare")
+    force = STICKY.force(sticky.piezo - POINT, True)
+    assert np.isnan(fit.fitted[force > 32.0]).all()
+    assert {"jkr", "dmt"} <= {one.law for one in fit.laws}
 
 
 def test_a_range_hides_what_it_leaves_out():

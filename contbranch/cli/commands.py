@@ -77,6 +77,7 @@ _OPTIONS = {
     "-o --page": ("FILE.html", "Write the page."),
 }
 _SHARED = tuple(_OPTIONS)[:8]
+_READING = ("--spring", "--sensitivity", "--columns")
 _PARTS = ("--leg", "--baseline", "--max-indentation", "--max-force", "--min-force")
 _SUFFIXES = {
     "--json": ".json",
@@ -251,7 +252,7 @@ def _fit(asked: Values) -> Any:
     chosen = {name.strip("-").replace("-", "_") for name in _PARTS}
     how |= {name: getattr(asked, name) for name in chosen if getattr(asked, name) is not None}
     folder = Path(asked.source).is_dir()
-    reading = {name: getattr(asked, name) for name in ("spring", "sensitivity", "columns")}
+    reading = {name: getattr(asked, name) for name in (option.strip("-") for option in _READING)}
     curves: list[Any] = [] if folder else list(curves_in(asked.source, **reading))
     if len(curves) == 1:
         from contbranch.measure.fit import fit
@@ -325,18 +326,7 @@ COMMANDS = {
     "view": Command(_view, ("-o --page",), ("FILE.h5", "Saved by trace, loop or sweep -o.")),
     "fit": Command(
         _fit,
-        (
-            "--free",
-            "--fixed",
-            "--spring",
-            "--sensitivity",
-            "--columns",
-            "--law",
-            *_PARTS,
-            "--shape",
-            *_SWEEPING,
-            *_OUTPUTS,
-        ),
+        ("--free", "--fixed", *_READING, "--law", *_PARTS, "--shape", *_SWEEPING, *_OUTPUTS),
         ("CURVE", "Force curve: text (piezo [nm],force [nN]), .ibw, .jpk-force, …; a map, or a folder of curves."),
         own=("-o",),
         second=("CONTACT", "TOML file with the contact: what stays, and where to start."),
@@ -423,7 +413,11 @@ def _run(given: list[str]) -> int:
         return COMPLETE
     if result.status != "complete":
         return _fail(f"incomplete: {result.message}", INCOMPLETE)
-    return _fail(result.outcome, INCOMPLETE) if str(result.outcome).startswith("nothing") else COMPLETE
+    if name == "fit":
+        from contbranch.results.fit_map import NOTHING
+
+        return _fail(NOTHING, INCOMPLETE) if result.outcome == NOTHING else COMPLETE
+    return COMPLETE
 
 
 def _watched(command: Command, asked: Values) -> Any:

@@ -21,8 +21,6 @@ from contbranch.measure.reduced import Curve
 
 # Samples just before a jump that are left out: the slope is all but infinite there, and the jump has its place.
 STEEP = 2
-# Jumps below this multiple of the noise have no place in a curve.
-SMALL = 2.0
 # An extremum of z is a corner where its steps on the flat side are below this share of that on the steep one; those of
 # a parabola are at least as large together.
 CORNER = 0.3
@@ -194,7 +192,7 @@ class Comparison:
             (False, "jump_in", approach, self.approach),
             (True, "pull_off", retract, self.retract),
         ):
-            if leg.jump is None or abs(leg.jump.step) < SMALL * noise or own.size < 2 * NEIGHBOURS:
+            if leg.jump is None or own.size < 2 * NEIGHBOURS:
                 continue
             apart = [((recorded[own] - one.at(piezo[own])[0]) / noise) ** 2 for one in (approach.below, retract.above)]
             first, last = apart[::-1] if back else apart

@@ -28,13 +28,14 @@ from contbranch.results.loop import Hysteresis
 # Largest relative error of a value that the data determine, and the part of the length of the contact by which its
 # place is to be known.
 KNOWN, PLACED = 0.2, 0.3
-# A contact that takes a part of the spring's motion: slope in contact over the stiffness.
-COMPLIANT = 0.8
 # A model leaves less than this share of the force in contact.
 ELSEWHERE = 0.1
 # Where a model leaves more than the noise, values are no better known than this share of what they change by when only
 # forces up to half of the largest are fitted: moduli of 29 measured curves change by 0.1 to 0.7.
 HALVED = 0.25
+# Relative change of the modulus over that of the depth: 3/2 by Hertz at a known contact point, as much again where that
+# is free.
+SHAPE = 3.0
 # Jumps agree within this share of the force.
 AGREE = 0.05
 
@@ -74,7 +75,7 @@ def concluded(
         law=problem.limit or next((law.name or "law" for law in terms_of(contact.interaction)), "hertz"),
         status="complete" if found.converged else "incomplete",
         message="",
-        leg="both" if len(minimiser.legs_used) > 1 else ("approach", "retract")[minimiser.legs_used[0]],
+        leg=_leg(minimiser),
         legs=None,
         spring=state.spring,
         piezo=minimiser.curve.piezo,
@@ -102,11 +103,10 @@ def apart(approach: Fit, retract: Fit) -> Fit:
         places = [k for k, name in enumerate(fit.values) if (name in moved) is back]
         rows = [names.index([*fit.values][k]) for k in places]
         matrix[np.ix_(rows, rows)] = fit.correlations.matrix[np.ix_(places, places)]
-    contact = replace(retract.contact, modulus=approach.contact.modulus)  # the approach may be that of a bare contact
-    if approach.contact.interaction is not None:
-        contact = approach.contact
-        for name in moved:
-            contact = parameters_of(contact)[name].contact(values[name])
+    contact = retract.contact  # the approach may be that of a bare contact
+    for name, value in values.items():
+        known = parameters_of(contact)
+        contact = known[name].contact(value) if name in known else contact
     fitted = np.where(retract.retract, retract.fitted, approach.fitted)
     return replace(
         approach,
@@ -127,6 +127,12 @@ def apart(approach: Fit, retract: Fit) -> Fit:
         cost=replace(approach.cost, newton=approach.cost.newton + retract.cost.newton),
         message=f"{_difference(approach, retract)} Approach: {approach.message} Retraction: {retract.message}",
     )
+
+
+def _leg(minimiser: Minimiser) -> str:
+    """Which legs were fitted."""
+    approach, retract = (minimiser.used(back).size > 0 for back in (False, True))
+    return "both" if approach and retract else "approach" if approach else "retract"
 
 
 def _difference(approach: Fit, retract: Fit) -> str:
@@ -159,11 +165,15 @@ def _covariance(
     to_values = found.problem.derivatives(found.x)
     covariance = to_values @ inverse @ to_values.T
     apart = [np.abs(found.problem.numbers(x) - found.values) / math.sqrt(more) for x, more in found.near]
-    state, values = found.problem.state(found.x), found.problem.values(found.x)
+    values = found.problem.values(found.x)
     steps = minimiser.seen.resolution / math.sqrt(12.0)  # of positions that are repeated
-    depth = curve_of(state.contact, minimiser.seen.largest, found.problem.limit).displacement[-1]
-    share = 3.0 * steps / depth / math.sqrt(max(depth / max(minimiser.seen.resolution, 1e-300), 1.0))
-    share += minimiser.seen.adhesion / minimiser.seen.largest  # which the contact does not have
+    depth, share = _depth(minimiser, found), 0.0
+    if steps:  # as many as the drive takes in contact
+        travel = depth + minimiser.seen.largest / found.problem.state(found.x).spring
+        share = SHAPE * steps / depth / math.sqrt(max(travel / minimiser.seen.resolution, 1.0))
+    share += minimiser.seen.adhesion / max(
+        minimiser.seen.largest, minimiser.seen.noise
+    )  # of which the contact has none
     least = dict.fromkeys(found.problem.names, 0.0)
     least |= {"contact_point": steps + share * depth, "modulus": share * values.get("modulus", 0.0)}
     for jump in jumps:
@@ -175,7 +185,7 @@ def _covariance(
         else:
             place = max(abs(jump.fitted["piezo"] - jump.measured["piezo"]) - seen.width, steps)
             force = abs(jump.fitted["force"] - jump.measured["force"]) - jump.measured["uncertainty"]
-            beyond = math.hypot(minimiser.slope()[0] * place, 0.0 if math.isnan(force) else max(force, 0.0))
+            beyond = math.hypot(minimiser.slope[0] * place, 0.0 if math.isnan(force) else max(force, 0.0))
             share = beyond / abs(jump.fitted["force"])
         least |= {name: share * abs(values[name]) for name in values if name.startswith("work_of_adhesion")}
     for name in {*values} - {*LINEAR[1:]}:  # of legs half of what they are apart
@@ -202,14 +212,20 @@ def _no_such_contact(minimiser: Minimiser, found: Minimum, jumps: Sequence[FitJu
     return ""
 
 
+def _depth(minimiser: Minimiser, found: Minimum) -> float:
+    """The displacement of the contact under the largest load."""
+    contact, largest = found.problem.state(found.x).contact, minimiser.seen.largest
+    load, displacement = curve_of(contact, largest, found.problem.limit)
+    pressed = slice(int(np.argmin(load)), None)
+    return max(float(np.interp(largest, load[pressed], displacement[pressed])), 1e-300)
+
+
 def _known(minimiser: Minimiser, found: Minimum, values: dict[str, float], errors: dict[str, float]) -> tuple[str, ...]:
     """What the data determine."""
     low, high = found.problem.bounds()
     inside = np.minimum(found.x - low, high - found.x) >= 0.05
-    state = found.problem.state(found.x)
-    length = state.contact.scales.normal
-    if state.contact.interaction is None:  # as deep as it was pressed
-        length = curve_of(state.contact, minimiser.seen.largest).displacement[-1]
+    contact = found.problem.state(found.x).contact
+    length = contact.scales.normal if contact.interaction else _depth(minimiser, found)
     sure = {name: KNOWN * abs(value) for name, value in values.items()}
     sure |= {"contact_point": PLACED * length, **dict.fromkeys((*LINEAR[1:],), math.inf)}
     apart = [np.abs(found.problem.numbers(x) - found.values) > 3 * np.array([*errors.values()]) for x in found.others]
@@ -248,7 +264,7 @@ def _jumps(minimiser: Minimiser, seen: Features, state: State, approach: Leg, re
 def _message(minimiser: Minimiser, found: Minimum, fit: Fit, lost: str, halved: Mapping[str, float]) -> str:
     """What the data tell, and what not."""
     values, errors, known, problem, seen = fit.values, fit.errors, fit.determined, found.problem, minimiser.seen
-    (slope, _), tabor = minimiser.slope(), problem.state(found.x).contact.tabor or 0.0
+    tabor = problem.state(found.x).contact.tabor or 0.0
     change = halved.get("modulus", math.nan) / values.get("modulus", math.nan) - 1.0
     unknown = [
         f"{name} (± {100 * errors[name] / abs(value):.0f} %)"
@@ -268,9 +284,6 @@ def _message(minimiser: Minimiser, found: Minimum, fit: Fit, lost: str, halved: 
         lost: lost,
         f"The data determine {_listed(known)}." if known else "The data determine none of the values.": found.converged,
         f"They do not determine {_listed(unknown)}.": found.converged and unknown,
-        f"Pressed most, the force rises by {slope / minimiser.stiffness:.2f} of the spring's stiffness: a compliant "
-        "contact, or a recorded deflection that is too small. Here the curve's bend and its jumps have decided.":
-            "sensitivity" in values and slope < COMPLIANT * minimiser.stiffness,
         "The pull-off fixes the product of work_of_adhesion and radius.":
             {"work_of_adhesion", "radius"} <= {*values} and not {"work_of_adhesion", "radius"} <= {*known},
         f"The range is at the end of what is tabulated: the {'DMT' if tabor < 1 else 'JKR'} limit fits.":

@@ -129,8 +129,8 @@ def features(
     legs : sequence of bool
         False for the approach, True for the retraction.
     suspect : bool
-        Whether to leave out where the force only seems to come to the end of the detector: a smooth minimum before a
-        pull-off looks the same. Where the force is one number for many samples that is left out in any case.
+        Whether to leave out where the force seems to come to the end of the detector: a smooth minimum before a
+        pull-off looks the same.
 
     Raises
     ------
@@ -149,19 +149,9 @@ def features(
     for leg in own.values():
         used[leg[_spikes(curve.force[leg], noise)]] = False
     if alone := sum(leg.size for leg in own.values()) - int(used.sum()):
-        notes.append(f"{alone} samples that stand alone, dropouts or spikes, are left out.")
+        notes.append(f"Left out as dropouts or spikes: {alone} of {used.size} samples.")
     own = {back: leg[used[leg]] for back, leg in own.items()}
-    lines = {back: _baseline(curve, leg[::-1] if back else leg, noise) for back, leg in own.items()}
-    flat = {back: _is_flat(curve, leg, lines[back][1]) for back, leg in own.items()}
-    if adhesive and flat.get(False) and flat.get(True):  # pulled at one force it is not back
-        (low, _), (high, _) = lines[False], lines[True]
-        at = float(curve.piezo[own[True]].min())
-        apart = abs(high - low + (lines[True][1] - lines[False][1]) * at)
-        deepest = float((curve.force - low - lines[False][1] * curve.piezo)[used].min())
-        flat[True] = apart < max(2 * SEEN * noise, -UNBROKEN * deepest)
-    lowest = float(np.min(curve.force[used])), 0.0
-    known = next((lines[back] for back in own if flat[back]), lowest)
-    approach, retract = (lines[back] if flat.get(back) else known for back in (False, True))
+    flat, (approach, retract) = _lines(curve, own, noise, adhesive)
     line = np.where(curve.retract, retract[0], approach[0])
     force = curve.force - line - np.where(curve.retract, retract[1], approach[1]) * curve.piezo
     sign = 1.0 if adhesive else -1.0
@@ -172,7 +162,7 @@ def features(
         pulled = leg if jump is None else leg[leg <= jump.before]
         for turned, ends in ((1.0, leg[::-1] if back else leg), (-1.0, pulled if back and adhesive else leg[:0])):
             level = _end_level(turned * force[ends], curve.piezo[ends], noise)
-            if level is None or not (suspect or _one_number(force[ends], noise, step)):
+            if level is None or not suspect:
                 suspected |= level is not None
                 continue
             beyond = turned * force > (1.0 - BENDING) * level
@@ -184,23 +174,21 @@ def features(
                 f"what is beyond {1.0 - BENDING:.0%} of that is left out."
             )
     least, largest = float(np.min(force[used])), float(np.max(force[used]))
-    _refuse(curve, force, own, noise, (least, largest), adhesive, any(flat.values()))
+    _refuse(curve, force, own, noise, (least, largest), adhesive and any(flat.values()))
     held = 0.0
-    if flat.get(True):
-        leg, jump = own[True], jumps[True]
-        if not adhesive:  # the contact has no adhesion, all of it is left out
-            below = leg[force[leg] < -SEEN * noise]
-            found = leg[(leg >= below[0]) & (leg <= below[-1])] if below.size > NEIGHBOURS else leg[:0]
-            held = -least if found.size else 0.0
-            words = f"The retraction shows adhesion ({least:.3g} nN), of which this contact has none: the samples below"
-            words += " the baseline are left out."
-        else:
-            behind = leg[:0] if jump is None else leg[leg >= jump.after]
-            found = behind[: _last_step(sign * force[behind], noise, -HOLDING * least)]
-            words = "The contact comes off in several steps, or a tether holds it: what lies between them is left out."
-        if found.size:
-            used[found] = False
-            notes.append(words)
+    if flat.get(True) and adhesive:
+        jump = jumps[True]
+        behind = own[True][:0] if jump is None else own[True][own[True] >= jump.after]
+        found = behind[: _last_step(sign * force[behind], noise, -HOLDING * least)]
+        words = "The contact comes off in several steps, or a tether holds it: what lies between them is left out."
+    elif flat.get(True):
+        found = _below(own[True], force, noise)
+        held = -least if found.size else 0.0
+        words = f"The retraction shows adhesion ({readable(least, 'nN')}), of which this contact has none: the samples "
+        words += "below the baseline are left out."
+    if flat.get(True) and found.size:
+        used[found] = False
+        notes.append(words)
     resolution = max(_repeated(curve.piezo[leg]) for leg in own.values())
     return Features(
         noise=noise,
@@ -219,6 +207,30 @@ def features(
     )
 
 
+def _lines(
+    curve: ForceCurve, own: dict[bool, Indices], noise: float, adhesive: bool
+) -> tuple[dict[bool, bool], tuple[tuple[float, float], tuple[float, float]]]:
+    """Which legs have a baseline; and the lines of both, one being that of the other where it has none."""
+    lines = {back: _baseline(curve, leg[::-1] if back else leg, noise) for back, leg in own.items()}
+    flat = {back: _is_flat(curve, leg, lines[back][1]) for back, leg in own.items()}
+    used = np.concatenate([*own.values()])
+    if adhesive and flat.get(False) and flat.get(True):  # pulled at one force it is not back
+        (low, tilt), (high, other) = lines[False], lines[True]
+        apart = abs(high - low + (other - tilt) * float(curve.piezo[own[True]].min()))
+        deepest = float((curve.force[used] - low - tilt * curve.piezo[used]).min())
+        flat[True] = apart < max(2 * SEEN * noise, -UNBROKEN * deepest)
+    lowest = float(np.min(curve.force[used])), 0.0
+    known = next((lines[back] for back in own if flat[back]), lowest)
+    approach, retract = (lines[back] if flat.get(back) else known for back in (False, True))
+    return flat, (approach, retract)
+
+
+def _below(leg: Indices, force: Array, noise: float) -> Indices:
+    """The samples of a retraction from the first to the last one below the baseline, if it shows adhesion."""
+    below = leg[force[leg] < -SEEN * noise]
+    return leg[(leg >= below[0]) & (leg <= below[-1])] if below.size > NEIGHBOURS else leg[:0]
+
+
 def _refuse(
     curve: ForceCurve,
     force: Array,
@@ -226,9 +238,8 @@ def _refuse(
     noise: float,
     extremes: tuple[float, float],
     adhesive: bool,
-    based: bool,
 ) -> None:
-    """Raise InputError where there is nothing to fit; forces are those above the baseline."""
+    """Raise InputError where there is nothing to fit, or no adhesion; forces are those above the baseline."""
     allowed, (lowest, largest) = SEEN * noise, extremes
     if max(-lowest, largest) < allowed:
         raise InputError(
@@ -242,7 +253,7 @@ def _refuse(
         raise InputError(
             "curve: the force falls where the tip is pressed on; it must be positive in repulsion (give its negative)"
         )
-    if adhesive and based and -lowest < allowed:
+    if adhesive and -lowest < allowed:
         raise NoAdhesionError(
             f"curve: no adhesion: the force stays above {lowest:.3g} nN of its baseline, and the noise is "
             f"{noise:.3g} nN; work of adhesion and range cannot be found from it; fit a contact without interaction "
@@ -310,11 +321,6 @@ def _end_level(force: Array, piezo: Array, noise: float) -> float | None:
     return None
 
 
-def _one_number(force: Array, noise: float, step: float) -> bool:
-    """Whether the last forces are one number, though the noise is more than the step in which they were recorded."""
-    return noise > 2 * step and force.size >= PLATEAU and not np.ptp(force[-PLATEAU:])
-
-
 def straight_line(x: Array, y: Array) -> tuple[float, float, float]:
     """Height at 0 and slope of the line through values, and the standard deviation of its slope for values of 1."""
     middle, height = float(x.mean()), float(y.mean())
@@ -358,7 +364,8 @@ def _step(force: Array) -> float:
 
 def _gains(curve: ForceCurve, force: Array, own: dict[bool, Indices], allowed: float) -> bool:
     """Whether most of what lies between the legs, below the baseline, has the approach below the retraction."""
-    (there, down), (here, up) = ((curve.piezo[leg], force[leg]) for leg in (np.sort(own[False]), own[True][::-1]))
+    order = own[True][np.argsort(curve.piezo[own[True]], kind="stable")]
+    there, down, here, up = curve.piezo[own[False]], force[own[False]], curve.piezo[order], force[order]
     apart = down - np.interp(there, here, up, left=math.nan, right=math.nan)
     apart = apart[(np.abs(apart) > 2 * allowed) & (down - np.maximum(apart, 0.0) < -allowed)]
     return apart.size >= JUMP_SAMPLES and bool(apart.mean() < -0.1 * -float(force.min()))

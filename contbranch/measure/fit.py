@@ -187,11 +187,11 @@ def _of_legs(settings: Settings, leg: str) -> Fit:
         return joint.concluded()
     alone = [_alone(settings, back) for back in legs]
     single = [one.concluded() for one in alone]
-    pairs = [(joint.left(back), one.left()) for back, one in zip(legs, alone, strict=True)]
-    if leg == "both" or all(together < MISFIT * apart for together, apart in pairs):
-        return joint.concluded(single)
-    separate, together = apart(*single), joint.concluded(single)
-    known = [{*fit.determined} & {*settings.free} for fit in (separate, together)]
+    together = joint.concluded(single)
+    if leg == "both" or all(joint.left(back) < MISFIT * one.left() for back, one in zip(legs, alone, strict=True)):
+        return together
+    separate = apart(*single)
+    known = [{*found.determined} & {*settings.free} for found in (separate, together)]
     return together if known[0] < known[1] else separate
 
 
@@ -234,7 +234,7 @@ class _Fitting:
         work = sum(term.work_of_adhesion for term in terms_of(settings.contact.interaction))
         self.minimiser = minimiser = Minimiser(settings.curve, work > 0, legs, suspect)
         self.fixed = settings.fixed
-        slope, error = minimiser.slope()
+        slope, error = minimiser.slope
         calibrated = not {"spring", "sensitivity"} & set(self.free)
         if slope - 4 * error > STIFFER * minimiser.stiffness * (1.0 if calibrated else NARROW):
             raise InputError(
@@ -299,7 +299,8 @@ class _Fitting:
             force = curve.force - state.baseline(curve.piezo, curve.retract)
             depth = curve.piezo - force / self.minimiser.gain(state) / state.spring - state.line[0]
             inside = force <= ranges.get("max_force", math.inf)
-            inside &= (force >= ranges.get("min_force", -math.inf)) | (depth < 0.0)
+            least = ranges.get("min_force", -math.inf)
+            inside &= (force >= least) | ((depth < 0.0) & (least > 0.0))  # what is without contact stays
             inside &= depth <= ranges.get("max_indentation", math.inf)
             inside &= self.minimiser.seen.used
             if np.array_equal(inside, kept):
@@ -331,10 +332,11 @@ class _Fitting:
         found: dict[str, Minimum] = {}
         for k, name in enumerate(COMPARED):
             with part(k / len(COMPARED), (k + 1) / len(COMPARED)):
-                found[name] = self.profiled(self.law(name))
+                one = self.law(name)  # the samples in the ranges are those of the first law
+                found[name] = self.profiled(one if found else self._within(one, self.settings.ranges))
             if over():
                 break
-        noise, count = self.minimiser.seen.noise, len(self.minimiser.curve)
+        noise, count = self.minimiser.seen.noise, self.minimiser.samples.samples.size
         losses = {name: loss(np.append(one.forces / noise, one.places)) for name, one in found.items()}
         close = found[min(losses, key=losses.__getitem__)]
         misfit = max(1.0, min(losses.values()) / count)

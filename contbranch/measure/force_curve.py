@@ -56,7 +56,7 @@ class ForceCurve:
         Stiffness of the cantilever in nN/nm, or with a unit.
     segment : array (M,), optional
         ``"approach"``, ``"pause"`` and ``"retract"`` (or 0 for approach, 1 for retract). Without it the curve is split
-        at its largest piezo position; what stays there, within the noise of the positions, is a pause. A curve that
+        at its largest piezo position; where the piezo rests close to it that is a pause. A curve that
         begins and ends close to the surface is split at its smallest position: first the retraction, then the approach.
         One leg is enough. A leg that runs the other way than the other one does, as where both are listed by growing
         positions, is turned round.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from contbranch.arrays import Array, Indices
+from contbranch.arrays import Array, Flags, Indices
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError
 from contbranch.measure.comparison import Comparison, Leg, legs
@@ -136,8 +136,8 @@ class Minimiser:
         if not curve.rigid and curve.spring is None:
             raise InputError("spring: missing; give the stiffness of the cantilever, such as '0.5 N/m'")
         self.stiffness = math.inf if curve.spring is None else curve.spring
-        self.legs_used = [back for back in (False, True) if self.used(back).size]
 
+    @cached_property
     def slope(self) -> tuple[float, float]:
         """Slope of the force where the tip is pressed most, on approach if there is one, and its error by the noise.
 
@@ -200,51 +200,21 @@ class Minimiser:
         spread, evaluations = limits
         low, high = problem.bounds()
         varied = np.arange(x.size) != (-1 if held is None else held)
-        measured = self.curve.force[comparison.samples]
-        wide = max(1.0, spread / self.seen.noise / math.sqrt(measured.size))  # of places, by the distance of samples
+        residuals = _Residuals(self, problem, comparison, spread)
         reached: tuple[Array, Array, Array] | None = None  # vector, residuals and slopes where it has come to
-        last: dict[bytes, tuple[Array, Array, Array]] = {}  # MINPACK asks for derivatives where it has just been
 
         def placed(part: Array) -> Array:
             at = x.copy()
             at[varied] = part
             return np.clip(at, low, high)
 
-        def residuals(at: Array) -> tuple[Array, Array, Array]:
-            if at.tobytes() not in last:
-                check()
-                self.evaluations += 1
-                force, own, slope, places = self.model(problem, at, comparison)
-                last.clear()
-                last[at.tobytes()] = np.append((force - measured) / spread, places / wide), own, slope
-            return last[at.tobytes()]
-
-        def slopes(at: Array) -> tuple[Array, Array]:
-            base, own, slope = residuals(at)
-            state, found = problem.state(at), np.zeros((base.size, at.size))
-            known = self.columns(problem, comparison.samples) | {"contact_point": -slope}
-            if state.contact.interaction is None:  # at F = E f(d) and z = d + F/K
-                known["modulus"] = own * (1.0 - slope / self.gain(state) / state.spring)
-            for k, name in enumerate(problem.names):
-                if name in known:
-                    found[: measured.size, k] = known[name] / spread
-            if base.size > measured.size and "contact_point" in problem.names:
-                step = STEP * state.contact.scales.normal
-                places = comparison.places(*self.legs(problem, state), state.line[0] + step) / wide
-                found[measured.size :, problem.names.index("contact_point")] = (places - base[measured.size :]) / step
-            for k, name in enumerate(problem.names):
-                if varied[k] and name not in known:
-                    step = STEP if at[k] + STEP < high[k] else -STEP
-                    found[:, k] = (residuals(moved(at, k, at[k] + step))[0] - base) / step
-            return base, found
-
         def bent(part: Array) -> Array:
-            return np.asarray(_robust(residuals(placed(part))[0])[0])
+            return np.asarray(_robust(residuals.at(placed(part))[0])[0])
 
         def bent_slopes(part: Array) -> Array:
             nonlocal reached
             at = placed(part)
-            base, found = slopes(at)
+            base, found = residuals.slopes(at, varied)
             reached = at, base, found
             turned = (found * _robust(base)[1][:, None])[:, varied].T
             turned[(part < low[varied]) | (part > high[varied])] = 0.0
@@ -254,13 +224,13 @@ class Minimiser:
         start = np.clip(x, low, high)[varied]
         try:
             found, _, _, _, flag = scipy.optimize.leastsq(bent, start, Dfun=bent_slopes, **settings)
-            values, derivatives = slopes(placed(found))
+            values, derivatives = residuals.slopes(placed(found), varied)
             at, converged = placed(found), flag != OUT_OF_EVALUATIONS
         except INTERRUPTIONS as error:
             caught(error)
             with finishing():
                 at = np.clip(x, low, high) if reached is None else reached[0]
-                values, derivatives = slopes(at) if reached is None else reached[1:]
+                values, derivatives = residuals.slopes(at, varied) if reached is None else reached[1:]
             converged = False
         return Minimum(problem, comparison, at, loss(values), values, derivatives, converged, spread, self.seen.noise)
 
@@ -289,6 +259,47 @@ class Minimiser:
         rest, bare = rest[pressed], bare[pressed]
         most = ROBUST * 1.4826 * float(np.median(np.abs(rest)))
         return float(np.sqrt(np.mean(np.clip(rest, -most, most) ** 2))), float(np.sqrt(np.mean(bare**2)))
+
+
+class _Residuals:
+    """Differences of force and of places of jumps in standard deviations, as functions of the unknowns."""
+
+    def __init__(self, minimiser: Minimiser, problem: Problem, comparison: Comparison, spread: float) -> None:
+        self.minimiser, self.problem, self.comparison, self.spread = minimiser, problem, comparison, spread
+        self.measured = minimiser.curve.force[comparison.samples]
+        # of places, which the distance of samples tells
+        self.wide = max(1.0, spread / minimiser.seen.noise / math.sqrt(self.measured.size))
+        self.last: dict[bytes, tuple[Array, Array, Array]] = {}  # MINPACK asks for derivatives where it has just been
+
+    def at(self, x: Array) -> tuple[Array, Array, Array]:
+        """The residuals, the contact's part of the force, and its slope."""
+        if x.tobytes() not in self.last:
+            check()
+            self.minimiser.evaluations += 1
+            force, own, slope, places = self.minimiser.model(self.problem, x, self.comparison)
+            residuals = np.append((force - self.measured) / self.spread, places / self.wide)
+            self.last = {x.tobytes(): (residuals, own, slope)}
+        return self.last[x.tobytes()]
+
+    def slopes(self, x: Array, varied: Flags) -> tuple[Array, Array]:
+        """The residuals and their derivatives; those that need another curve only where the unknown is varied."""
+        (base, own, slope), minimiser, count = self.at(x), self.minimiser, self.measured.size
+        state, found = self.problem.state(x), np.zeros((base.size, x.size))
+        known = minimiser.columns(self.problem, self.comparison.samples) | {"contact_point": -slope}
+        if state.contact.interaction is None:  # at F = E f(d) and z = d + F/K
+            known["modulus"] = own * (1.0 - slope / minimiser.gain(state) / state.spring)
+        for k, name in enumerate(self.problem.names):
+            if name in known:
+                found[:count, k] = known[name] / self.spread
+            elif varied[k]:
+                step = STEP if x[k] + STEP < self.problem.bounds()[1][k] else -STEP
+                found[:, k] = (self.at(moved(x, k, x[k] + step))[0] - base) / step
+            if name == "contact_point" and base.size > count:
+                step = STEP * state.contact.scales.normal
+                pair = minimiser.legs(self.problem, state)
+                places = self.comparison.places(*pair, state.line[0] + step) / self.wide
+                found[count:, k] = (places - base[count:]) / step
+        return base, found
 
 
 @lru_cache(maxsize=2)

@@ -42,7 +42,7 @@ def guessed(minimiser: Minimiser, problem: Problem) -> State:
 
 def _modulus(minimiser: Minimiser, radius: float, pull: float) -> float:
     """E² = k³/(6 F R) of a contact of stiffness k under F, by Hertz."""
-    slope = min(minimiser.slope()[0], 0.95 * minimiser.stiffness) or 1e-9
+    slope = min(minimiser.slope[0], 0.95 * minimiser.stiffness) or 1e-9
     stiffness = slope / (1.0 - slope / minimiser.stiffness)
     force = max(minimiser.seen.largest, 0.0) + pull
     return math.sqrt(stiffness**3 / (6.0 * force * radius))
