@@ -208,10 +208,10 @@ def numbers(values: ArrayLike, name: str) -> Array:
 def _column(values: ArrayLike, name: str, unit: str | None, sensitivity: Quantity) -> Array:
     """Values in nm or nN."""
     found = numbers(values, name)
-    wrong = int((~np.isfinite(found)).sum())
-    if wrong or found.size < 2 * LEAST:
-        much = f"{found.size} values of {name}, {wrong} of them not finite"
-        raise InputError(f"curve: {much}; must be at least {2 * LEAST}, all finite: leave the others out")
+    if found.size < 2 * LEAST:
+        raise InputError(f"curve: {found.size} values of {name}; must be at least {2 * LEAST}")
+    if wrong := int((~np.isfinite(found)).sum()):
+        raise InputError(f"curve: {wrong} of {found.size} values of {name} are not finite; leave those samples out")
     if unit is not None:
         found *= scale(name, unit, sensitivity)
     change, (unit, other) = float(np.ptp(found)), ("nN", "N") if name == "force" else ("nm", "m")
