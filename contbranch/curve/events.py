@@ -6,28 +6,22 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from typing import ClassVar
+
+import numpy as np
 
 from contbranch.continuation import CorrectionError, Event, EventPoint, Happening, Options, Point, Segment
 from contbranch.continuation.events import Bracket, Probe
 from contbranch.continuation.locate import find_root
-from contbranch.continuation.walk import Across, annotated, corrected_point, point_on
+from contbranch.continuation.walk import annotated, corrected_point, point_on
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.passages import BESIDES, Search, Seen
 from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
 
 __all__ = ["NEGATIVE", "Balanced", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
-# Relative to their place in a step, folds are located so coarsely while tracing (they are refined afterwards); where
-# there are several, as sharply as it takes to tell them apart, down to the last.
-SHARPER = (0.01, 1e-4, 1e-7, 1e-10)
-# ... and beyond that, or where rates have no digits to tell folds so close, by what is seen so far aside (at least),
-# relative to their place.
-ASIDE, DOUBTFUL = 1e-6, 1e-4
-# Places farther aside, where indices differ more surely.
-WIDER = (0.5, 0.1, 1e-2, 1e-3, 1e-4)
+# Width, relative to its place in the step, to which a fold is located.
+ROUNDOFF = 4.0 * float(np.finfo(float).eps)
 # Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached; where
 # that was passed long ago, a curve ends where another step would raise what is controlled by this share: not at a fold.
 APPROACHES, CLOSE, RISES = 6, 1e-6, 1e-3
@@ -267,7 +261,7 @@ class Folds(Event):
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """Every fold in the step once."""
         passages = self._passages(segment, previous, options)
-        found = self._ordered(passages, segment, options) if passages else []
+        found = sorted((self._located(segment, *one) for one in passages), key=lambda happening: happening.theta)
         for control in self.controls:
             self._signs[control.kind] = control.weighted(*self._rates(segment.end)) or self._signs.get(
                 control.kind, 0.0
@@ -303,85 +297,9 @@ class Folds(Event):
         self._past = points[-BESIDES - 1 :]
         return [(control, probes[control], bracket) for control, bracket in found]
 
-    def _ordered(
-        self, passages: Sequence[tuple[Control, Probe, Bracket]], segment: Segment, options: Options
-    ) -> list[Happening]:
-        """The folds in order, located as sharply as it takes to tell them apart; by the angle where that fails."""
-        for resolution in SHARPER:
-            found = []
-            for control, probe, bracket in passages:
-                theta, point = self._zero(probe, bracket, resolution)
-                found.append((segment.foot(point.x, point.parameter, bracket.whole(theta)), control, point))
-            found.sort(key=lambda one: one[0])
-            together = [k for k, (a, b) in enumerate(pairwise(found)) if b[0] - a[0] <= 4 * resolution * b[0]]
-            if not together:
-                break
-        near = [k for k, (a, b) in enumerate(pairwise(found)) if b[0] - a[0] <= max(4 * resolution, DOUBTFUL) * b[0]]
-        for group in _runs(near):
-            own = found[group.start : group.stop]
-            if len({control.kind for _, control, _ in own}) < len(own) and not together:
-                continue  # they have been told apart
-            place = sum(theta for theta, _, _ in own) / len(own)
-            aside = max(ASIDE * place, 2 * (own[-1][0] - own[0][0]))
-            others = [theta for theta, *_ in (*found[: group.start], *found[group.stop :])]
-            room = min((abs(theta - place) / 2 for theta in others), default=1.0)
-            held = sum(control == DISPLACEMENT for _, control, _ in own)
-            asides = [aside] if held % 2 == 0 else [*(wide for wide in WIDER if aside < wide < room), aside]
-            order = [control.kind for control in self._turned(segment, place, asides, options)]
-            own.sort(key=lambda one: order.index(one[1].kind) if one[1].kind in order else len(order))
-            found[group.start : group.stop] = [(place, control, point) for _, control, point in own]
-        return [self._happening(segment, resolution, *one) for one in found]
-
-    def _zero(self, probe: Probe, bracket: Bracket, resolution: float) -> tuple[float, Point]:
-        """Position of a fold in a bracket, and the point there: where it is foretold if the rate all but vanishes."""
-        theta, (first, begin), (last, end) = bracket.guess, bracket.first, bracket.last
-        across = Across(bracket.segment, theta, probe.options)
-        if resolution == SHARPER[0] and 0.0 < theta < 1.0:
-            point = across.at(theta)
-            value = probe.at(point)
-            if abs(value) <= resolution * min(abs(begin), abs(end)):
-                return theta, point
-            ends = ((theta, value), (last, end)) if (value > 0) == (begin > 0) else ((first, begin), (theta, value))
-            share = ends[0][1] / (ends[0][1] - ends[1][1])
-            bracket = replace(
-                bracket, first=ends[0], last=ends[1], guess=ends[0][0] + share * (ends[1][0] - ends[0][0])
-            )
-        return probe.zero(bracket, 0.0, resolution, across)
-
-    def _turned(self, segment: Segment, place: float, asides: Sequence[float], options: Options) -> list[Control]:
-        """The controls in the order in which (d', F') passes their directions where folds coincide to rounding.
-
-        It turns by nearly half a turn there; the Morse indices on both sides say which way where they differ: surely so
-        farthest aside, as no other fold is in between.
-        """
-        for aside in asides:
-            sides = [point_on(segment, min(max(place + way, 0.0), 1.0), options)[0] for way in (-aside, aside)]
-            first, last = (equilibrium(point).unstable(point.x, point.parameter) for point in sides)
-            begin, end = (math.atan2(*rates(point)) for point in sides)
-            turn = first - last or short_way(end - begin)
-            if first != last:
-                break
-        return in_passing(self.controls, begin, math.copysign(math.pi * (1 - 1e-12), turn))
-
-    def _happening(
-        self, segment: Segment, resolution: float, theta: float, control: Control, point: Point
-    ) -> Happening:
-        change = segment.end.x - segment.begin.x
-        located = EventPoint(
-            annotated(replace(point, observables={}), label=control.kind),
-            resolution * abs(segment.end.parameter - segment.begin.parameter),
-            resolution * math.sqrt(point.problem.inner(change, change)),
-            name=control.kind,
-        )
-        return Happening(theta, located)
-
-
-def _runs(numbers: Sequence[int]) -> list[range]:
-    """Neighbours k and k + 1 joined to runs."""
-    found: list[range] = []
-    for k in numbers:
-        if found and found[-1].stop == k + 1:
-            found[-1] = range(found[-1].start, k + 2)
-        else:
-            found.append(range(k, k + 2))
-    return found
+    def _located(self, segment: Segment, control: Control, probe: Probe, bracket: Bracket) -> Happening:
+        """The fold in a bracket, located to rounding."""
+        theta, point = probe.zero(bracket, 0.0, ROUNDOFF)
+        theta = segment.foot(point.x, point.parameter, bracket.whole(theta))
+        point = annotated(replace(point, observables={}), label=control.kind)
+        return Happening(theta, EventPoint(point, 0.0, 0.0, name=control.kind))
