@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -30,15 +30,10 @@ from contbranch.watch import finishing, kept, over, tell
 __all__ = ["raw_curve"]
 
 CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
-# Neighbouring folds closer than this multiple of their error estimates are located more sharply, down to this accuracy.
-DISTINCT, SHARPEST = 3.0, 1e-12
-# Rows of one discretisation, whose error they share, differ clearly by this share of what is controlled; others, by the
-# second.
-CLEAR, APART = 1e-6, 1e-3
+# Accuracy at which neighbouring folds that their errors do not tell apart are located once more.
+SHARPEST = 1e-12
 # The rows' error estimates are those of one Newton step on a finer discretisation, with a floor.
 ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
-# A fold where a ring opens is told there up to this multiple of the accuracy: its place is hardly told at all.
-OPENS = 10.0
 # What a fold may be off where a contact begins on a lattice, in units of what changes from the row before.
 BEGINNING = 1.1
 # Where the discretisation was given, errors are found at every so many rows, and indices at these shares of parts of
@@ -55,7 +50,8 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     unstable = {control: track.hodograph.rows(control) for control in track.controls}
     with finishing():
         events = [_event(track, mark, one) for mark, one in zip(track.marks, found, strict=False)]
-        events, twice = _once(track, found, events, unstable, request.accuracy)
+        none = _pairs_of_rounding(track, found, unstable)
+        events = [event for k, event in enumerate(events) if k not in none]
         if track.problem(0).given:
             _doubtful(track, events)
         placed = _placed(track, found)
@@ -70,15 +66,8 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     if wrong:
         complete = False
         messages.append(_disagreement(track, wrong))
-    unseen = _turned(track) if complete and not given else []
-    complete &= not unseen
-    messages += unseen
-    if twice and not over():  # otherwise they have not been located yet
-        complete = False
-        place = f"load {twice[0].values[0]:.6g}, displacement {twice[0].values[1]:.6g} (reduced)"
-        messages.append(f"The fold at {place} was counted twice; ask for a hundredth of the accuracy.")
     broken = [Found(event.values, event.error, event.place) for event in breaking.events]
-    doubtful = track.complete and bool(wrong or unseen or twice) and not over()
+    doubtful = track.complete and bool(wrong) and not over()
     worst = float(np.max([one.relative_error() for one in (*found, *broken)], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
         events = [replace(event, exponent=None, local_exponent=None) for event in events]
@@ -165,21 +154,6 @@ def _contradicted(track: Track) -> list[int]:
     return [rows[0] for rows in known if rows and not any(map(agrees, rows))]
 
 
-def _turned(track: Track) -> list[str]:
-    """What is controlled and goes another way than the folds say."""
-    found, load, displacement = [], track.column("load"), track.column("displacement")
-    same = np.array([first.problem is second.problem for first, second in pairwise(track.points)], dtype=bool)
-    for control in track.controls:
-        held = np.array([control.value(*point) for point in zip(load, displacement, strict=True)])
-        steps, clear = np.diff(held), np.where(same, CLEAR, APART) * np.maximum(1.0, np.abs(held[1:]))
-        wrong = np.flatnonzero(steps * track.hodograph.pieces(control)[1] < -clear)
-        if len(wrong):
-            own = track.points[wrong[0]].observables
-            place = f"load {own['load']:.6g}, displacement {own['displacement']:.6g} (reduced)"
-            found.append(f"A {control.kind} fold next to {place} was missed; ask for a hundredth of the accuracy.")
-    return found
-
-
 def _disagreement(track: Track, rows: Sequence[int]) -> str:
     if not track.problem(0).given:
         return (
@@ -204,13 +178,9 @@ def _refined(track: Track, request: Request) -> list[Found]:
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
             own = _located(mark.point, _event_of(track, mark), request.accuracy, beside)
-            own = _within(track, own, request.accuracy)
             if mark.control is not None and mark.row in track.onward:
                 own = _beside(track, mark, own, request.accuracy)
-            if mark.control is not None and _opens(track, found, own, request.accuracy):
-                own = found[-1]
             found.append(own)
-        _sharpen(track, found, request.accuracy)
 
     kept(locate, None)
     with finishing():  # what was not reached is where the rows have it
@@ -220,22 +190,14 @@ def _refined(track: Track, request: Request) -> list[Found]:
 def _located(point: Point, event: Event | None, accuracy: float, beside: Point | None) -> Found:
     """An event made precise, by another model of the same state where the present one does not get as far."""
     found = refine(point, event, accuracy, beside)
+    low, high = equilibrium(found.point).parameter_range
+    if not (low <= found.point.parameter <= high or equilibrium(point).given):
+        edge = min(max(found.point.parameter, low), high)
+        return refine(replace(found.point, parameter=edge, observables={}), None, accuracy)
     if found.relative_error() <= accuracy or isinstance(event, Margin):
         return found
     others = (refine(other, event, accuracy) for other in equilibrium(point).otherwise(point))
     return min([found, *others], key=Found.relative_error)
-
-
-def _within(track: Track, found: Found, accuracy: float) -> Found:
-    """An event where it is, or, if finer discretisations find it beyond an end of its problem, at that end.
-
-    Where the curve begins nothing ends: a fold that is found before is there.
-    """
-    problem, place = equilibrium(found.point), found.point.parameter
-    low, high = problem.parameter_range
-    if low <= place <= high or problem.given or place < low == track.points[0].parameter:
-        return found
-    return refine(replace(found.point, parameter=min(max(place, low), high), observables={}), None, accuracy)
 
 
 def _beside(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
@@ -275,20 +237,6 @@ def _foretold(ahead: Point, event: Balanced) -> Point:
         return ahead
 
 
-def _opens(track: Track, found: Sequence[Found], fold: Found, accuracy: float) -> bool:
-    """Whether a fold is where the contact set changes before it, as where a ring opens.
-
-    Load and displacement rest there, and are told well; the closer to it a fold is, the less they tell its place.
-    """
-    before = next((k for k in range(len(found) - 1, -1, -1) if k == 0 or found[k] is not found[k - 1]), None)
-    if before is None or track.marks[before].kind != "topology":  # or others that are there, too
-        return False
-    values, errors = np.array(fold.numbers[:2]), np.array(fold.error[:2])
-    told = errors <= OPENS * accuracy * np.maximum(1.0, np.abs(values))
-    room = errors if fold.relative_error() <= accuracy else errors + found[-1].error[:2]
-    return bool((told & (np.abs(values - found[-1].numbers[:2]) <= room)).all())
-
-
 def _event_of(track: Track, mark: Mark) -> Event | None:
     """The function whose zero a mark is; None where the place is the edge of a parameter, or a corner."""
     if mark.control is not None:
@@ -298,75 +246,36 @@ def _event_of(track: Track, mark: Mark) -> Event | None:
     return Margin(mark.margin) if mark.margin and mark.margin != "edge" else None
 
 
-def _neighbours(track: Track, found: Sequence[Found], corners: bool = False) -> Iterator[tuple[int, int, Control]]:
-    """Pairs of neighbouring folds of one control, with or without those in corners."""
-    for control in () if track.problem(0).given else track.controls:
-        marks = enumerate(track.marks[: len(found)])
-        members = [k for k, mark in marks if mark.control == control and (corners or mark.row not in track.onward)]
-        yield from ((first, second, control) for first, second in pairwise(members))
+def _pairs_of_rounding(track: Track, found: list[Found], unstable: Mapping[Control, Integers]) -> set[int]:
+    """Neighbouring folds of one control that no number tells apart, however sharply they are located: they are none.
 
-
-def _sharpen(track: Track, found: list[Found], accuracy: float) -> None:
-    """Locate folds anew that their error estimates do not tell apart, until they are seen to be one."""
-    for a, b, control in _neighbours(track, found):
-        allowed = accuracy
-        while allowed > SHARPEST:
-            first, second = found[a], found[b]
-            apart = abs(control.weighted(*first.numbers[:2]) - control.weighted(*second.numbers[:2]))
-            if apart > DISTINCT * (control.weighted(*first.error[:2]) + control.weighted(*second.error[:2])):
-                break
-            if allowed < accuracy and _coincide(first, second):
-                break
-            allowed = max(0.01 * allowed, SHARPEST)
-            for k in (a, b):
-                better = _within(track, refine(found[k].point, FoldEvent(control), allowed), allowed)
-                if better.relative_error() < found[k].relative_error():
-                    found[k] = better
-
-
-def _coincide(first: Found, second: Found) -> bool:
-    """Whether no number tells two events apart."""
-    off = np.abs(np.subtract(first.numbers, second.numbers)) > DISTINCT * np.add(first.error, second.error)
-    return not off.any()
-
-
-def _once(
-    track: Track,
-    found: Sequence[Found],
-    events: Sequence[RawEvent],
-    unstable: Mapping[Control, Integers],
-    accuracy: float,
-) -> tuple[list[RawEvent], list[RawEvent]]:
-    """The events without folds passed again, and folds found twice that leave nothing changed.
-
-    Next to a fold the rows' errors, or another discretisation, may make a curve come to lie before it again: of those
-    that coincide the last one that does what they do together stays, on the mesh made there; the rows' indices,
-    `unstable`, follow it. In a corner, as where surfaces touch that do not press on one another yet, what is controlled
-    may rest but for such errors: then none of them stays.
+    The Morse indices of the rows between them, `unstable`, are those on both sides.
     """
-    runs: list[tuple[Control, list[int]]] = []
-    for a, b, control in _neighbours(track, found, corners=True):
-        if max(found[a].relative_error(), found[b].relative_error()) <= accuracy and _coincide(found[a], found[b]):
-            if runs and runs[-1][1][-1] == a:
-                runs[-1][1].append(b)
+    none = set[int]()
+    for control in () if track.problem(0).given else track.controls:
+        folds: list[int] = []
+        for k, mark in enumerate(track.marks[: len(found)]):
+            if mark.control != control:
+                continue
+            if folds and _coincide(track, found, folds[-1], k):
+                before, rows = folds.pop(), unstable[control]
+                first = track.marks[before].row
+                rows[first : mark.row + 1] = rows[max(first - 1, 0)]
+                none |= {before, k}
             else:
-                runs.append((control, [a, b]))
-    again, twice = set(), []
-    for control, run in runs:
-        before, after = done = events[run[0]].before, events[run[-1]].after
-        same = [k for k in run if (events[k].before, events[k].after) == done]
-        rows, places = unstable[control], [track.marks[k].row for k in run]
-        if not same and before == after and not track.onward.keys().isdisjoint(places):
-            again |= set(run)
-            rows[places[0] : places[-1] + 1] = before
-            continue
-        if not same:
-            twice.append(events[run[1]])
-            continue
-        again |= set(run) - {same[-1]}
-        first, row, last = places[0], track.marks[same[-1]].row, places[-1]
-        rows[first:row], rows[row], rows[row + 1 : last + 1] = before, min(done), after
-    return [event for k, event in enumerate(events) if k not in again], twice
+                folds.append(k)
+    return none
+
+
+def _coincide(track: Track, found: list[Found], *pair: int) -> bool:
+    """Whether the errors of two folds leave open that they are one, at the accuracy asked and at the sharpest one."""
+    for sharper in (False, True):
+        for k in pair if sharper else ():
+            found[k] = _located(found[k].point, _event_of(track, track.marks[k]), SHARPEST, None)
+        first, second = (found[k] for k in pair)
+        if (np.abs(np.subtract(first.numbers, second.numbers)) > np.add(first.error, second.error)).any():
+            return False
+    return True
 
 
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:

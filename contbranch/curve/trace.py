@@ -365,20 +365,15 @@ class _Tracing:
         return (abs(load), abs(displacement)) if equilibrium(point).convex else (load, displacement)
 
     def _reversed(self, turning: Turning, folds: Mapping[int, Control], row: int, index: int) -> bool:
-        """Whether the fold at a row and the one at the next, of another control, come the other way round.
+        """Whether two folds of different controls between two rows come in the other order than their places say.
 
-        Their order is the way in which the curve turns by half a turn. Where they are closer than the errors of both,
-        the inertia behind them tells it; the other way round the Morse index differs by two.
+        Where load and displacement rest together rounding decides the places. The curve turns by half a turn one way or
+        the other, and the Morse index behind both folds, by inertia, tells which.
         """
         both, behind = (folds[row], folds.get(row + 1, folds[row])), row + 2
-        joints = {row, row + 1, behind} & {*self.onward, *folds}
-        if both[0] == both[1] or behind >= len(self.points) or joints != {row, row + 1}:
+        if both[0] == both[1] or behind >= len(self.points) or not {row, row + 1, behind}.isdisjoint(self.onward):
             return False
-        pair, after = self.points[row:behind], self.points[behind]
-        first, last = (np.array([point.observables[name] for name in ("load", "displacement")]) for point in pair)
-        if (np.abs(first - last) > sum(np.abs(equilibrium(point).defect(point)[:2]) for point in pair)).any():
-            return False
-        counted = []
+        after, counted = self.points[behind], []
         for order in (both, both[::-1]):
             trial = deepcopy(turning)
             for control in order:
