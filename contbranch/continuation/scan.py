@@ -7,16 +7,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
+
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.branching import branch_points
 from contbranch.continuation.curve import BranchPoint, EventPoint, Fold, IndexChange, Located, Point
-from contbranch.continuation.events import BEYOND, Bracket, Event, Happening, Probe
+from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
+from contbranch.continuation.zeros import Bracket, Functions, Search
 
 # A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding.
 VERTICAL = 1e-11
@@ -76,21 +79,21 @@ def _folds(segment: Segment, previous: Segment | None, options: Options) -> list
     begin, end = segment.begin.tangent_parameter, segment.end.tangent_parameter
     if max(abs(begin), abs(end)) < VERTICAL * segment.metric.parameter_scale:
         return []  # the parameter is constant along this part of the curve
-    probe = Probe(lambda point: point.tangent_parameter, options, lambda point: point.parameter)
-    if begin == 0.0:
-        probe.known[segment.begin] = point_on(segment, BEYOND, options)[0].tangent_parameter
-    found = [_fold(bracket, probe) for bracket in probe.brackets(segment, previous)]
+    functions = Functions(
+        lambda point: np.array([point.tangent_parameter]), options, lambda point: np.array([point.parameter])
+    )
+    search = Search(segment, functions, [] if previous is None else [previous.begin])
+    found = [_fold(bracket, functions) for bracket in search.brackets()]
     return [replace(one, event=replace(one.event, point=annotated(one.event.point))) for one in found]
 
 
-def _fold(bracket: Bracket, probe: Probe) -> Happening:
+def _fold(bracket: Bracket, functions: Functions) -> Happening:
     """Locate the fold in a bracket by bordered Newton iteration, failing that as a zero of the slope."""
-    segment, first, last = bracket.segment, bracket.first, bracket.last
-    fold = _fold_by_newton(segment, bracket.guess, last[1])
+    segment = bracket.segment
+    fold = _fold_by_newton(segment, bracket.guess, bracket.last)
     if fold is None:
-        theta, point = probe.zero(bracket, 1e-15, 0.0)
-        near = max(1e-6, 0.1 * (last[0] - first[0]))
-        fold = _fold_by_newton(segment, theta, last[1], near) or _fold_on_curve(segment, theta, point)
+        theta, point = functions.zero(bracket, 1e-15, 0.0)
+        fold = _fold_by_newton(segment, theta, bracket.last, 0.1) or _fold_on_curve(segment, theta, point)
     return replace(fold, theta=bracket.whole(fold.theta))
 
 

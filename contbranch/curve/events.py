@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Event, EventPoint, Happening, Options, Point, Segment
-from contbranch.continuation.events import Bracket, Probe
 from contbranch.continuation.locate import find_root
 from contbranch.continuation.walk import annotated, corrected_point, point_on
+from contbranch.continuation.zeros import NEIGHBOURS, Bracket, Functions, Search
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.passages import BESIDES, Search, Seen
 from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
 
 __all__ = ["NEGATIVE", "Balanced", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
@@ -251,55 +250,37 @@ class Folds(Event):
 
     def __init__(self, controls: Sequence[Control], told: Callable[[Point], None], slopes: Slopes) -> None:
         self.controls, self.told, self._rates = controls, told, slopes
-        self._signs: dict[str, float] = {}
-        self._past: list[Seen] = []
+        self._past: list[Point] = []
 
     def value(self, point: Point) -> float:
         """The rate of the first control."""
-        return self.controls[0].weighted(*self._rates(point))
+        return float(self._along(point)[0])
+
+    def _along(self, point: Point) -> Array:
+        return np.array([control.weighted(*self._rates(point)) for control in self.controls])
+
+    def _held(self, point: Point) -> Array:
+        own = point.observables or values_of(point)._asdict()
+        return np.array([control.weighted(own["load"], own["displacement"]) for control in self.controls])
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
         """Every fold in the step once."""
-        passages = self._passages(segment, previous, options)
-        found = sorted((self._located(segment, *one) for one in passages), key=lambda happening: happening.theta)
-        for control in self.controls:
-            self._signs[control.kind] = control.weighted(*self._rates(segment.end)) or self._signs.get(
-                control.kind, 0.0
-            )
+        if not self.controls:
+            return []
+        functions = Functions(self._along, options, self._held, equilibrium(segment.begin).power)
+        if not segment.begin.problem.ordered:
+            self._past = [] if previous is None else [previous.begin]
+        search = Search(segment, functions, self._past)
+        found = [self._located(segment, functions, bracket) for bracket in search.brackets()]
+        self._past = search.points[-1 - NEIGHBOURS :]
+        found.sort(key=lambda happening: happening.theta)
         for happening in found:
             self.told(happening.event.point)
         return found
 
-    def _rate(self, control: Control, point: Point) -> float:
-        return control.weighted(*self._rates(point))
-
-    def _passages(
-        self, segment: Segment, previous: Segment | None, options: Options
-    ) -> list[tuple[Control, Probe, Bracket]]:
-        """Brackets of the folds of all controls."""
-        probes = {}
-        for control in self.controls:
-            probe = Probe(partial(self._rate, control), options)
-            begin, end = probe.at(segment.begin), probe.at(segment.end)
-            if begin == 0.0:  # a zero at the end of the step before belongs to this one
-                begin = probe.known[segment.begin] = math.copysign(TINY, self._signs.get(control.kind) or end)
-            if end == 0.0:  # what is controlled rests, or a fold at the very end: the next step has it
-                probe.known[segment.end] = math.copysign(TINY, begin)
-            if abs(begin) > TINY or (begin > 0) != (probe.at(segment.end) > 0):  # otherwise it rests
-                probes[control] = probe
-        if not probes:
-            return []
-        search = Search(segment, self._rates, probes)
-        if not search.problem.ordered:
-            seen = None if previous is None else search.seen(previous.begin)
-            self._past = [] if seen is None else [seen]
-        found, points = search.brackets(self._past)
-        self._past = points[-BESIDES - 1 :]
-        return [(control, probes[control], bracket) for control, bracket in found]
-
-    def _located(self, segment: Segment, control: Control, probe: Probe, bracket: Bracket) -> Happening:
+    def _located(self, segment: Segment, functions: Functions, bracket: Bracket) -> Happening:
         """The fold in a bracket, located to rounding."""
-        theta, point = probe.zero(bracket, 0.0, ROUNDOFF)
+        control, (theta, point) = self.controls[bracket.number], functions.zero(bracket, 0.0, ROUNDOFF)
         theta = segment.foot(point.x, point.parameter, bracket.whole(theta))
         point = annotated(replace(point, observables={}), label=control.kind)
         return Happening(theta, EventPoint(point, 0.0, 0.0, name=control.kind))
