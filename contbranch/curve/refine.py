@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation import CorrectionError, Event, Options, Outcome, Point
+from contbranch.continuation import CorrectionError, Event, Options, Outcome, Point, find_root
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
-from contbranch.curve.events import FoldEvent, Reached
+from contbranch.curve.events import Reached
 from contbranch.curve.problem import EquilibriumProblem, Four, Rates, equilibrium, rates_of, values_of
 from contbranch.errors import ModelError
 
@@ -32,33 +32,24 @@ CLOSE = 1e-4
 AIM, ROUNDS_OF_AIM = 0.25, 3
 # Times that a discretisation is replaced by its finer one, and the number of unknowns at which that ends.
 ROUNDS, LARGEST = 7, 2200
-# A finer one that leaves more than this share of the error has not helped; one that makes it so much larger has met
-# round-off.
-GAIN, WORSE = 0.3, 3.0
-# No better than this share of the best: more is halved, in the end all, of which nothing helps any more.
-LITTLE, IDLE = 0.7, (1.0, 0.1, 0.0)
+# A finer one that leaves more than this share of the error has not helped.
+GAIN = 0.3
+# Where higher order does not help, panels are halved for this share of the error wanted, in the end all.
+HALVED_SHARES = 1.0, 0.1, 0.0
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT = 0.3
-ITERATIONS = 14
-# Longest step towards an event, in units of the line; away from the edge of a representation it may double its
-# distance.
-LONGEST = 0.2
-# What a rate of the parameter is taken to be at least.
-TINY = 1e-300
+# Secant steps towards an event, and the longest of them, in units of the line.
+ITERATIONS, LONGEST = 14, 0.2
 # Events of one representation whose parameters differ by less (relative to 1) are neighbours.
 NEXT = 0.02
 # ... and by less than this the same but for which control they are a fold of.
 TWINS = 1e-6
-# A first step, from which the steepness of an event follows.
-ASIDE = 1e-5
-# Last digits of a number, relative to it.
-UNTOLD = 4.0 * float(np.finfo(float).eps)
-# How often a step that leads off the curve, as where a ring has not opened yet, is shortened, and by which factor.
-RETREATS, RETREAT = 4, 0.2
+# First secant step, in units of the line.
+FIRST_STEP = 1e-5
 # Steps of which the square is rounding, in units of the line, and how many there are to one of these.
 NEXT_TO_NONE, AGAIN = 1e-8, 4
-# Steps towards an event below this multiple of rounding, or this share of the accuracy, are not taken.
-CLOSEST, ENOUGH = 0.5, 1e-4
+# An event is located to this share of the accuracy.
+ENOUGH = 1e-4
 
 
 @dataclass(frozen=True)
@@ -177,17 +168,11 @@ class _Line:
         self.origin = point
         self.matrix: Bordered | None = None
         # Places next to the edge of a representation matter relative to their distance from it.
-        self.unit = self._largest = self.metric.parameter_scale if self.upright else 1.0
-        self._pace, self._edge = 1.0 if self.upright else max(abs(self.direction[1]), TINY), math.nan
+        self.unit = self.metric.parameter_scale if self.upright else 1.0
+        pace = 1.0 if self.upright else max(abs(self.direction[1]), float(np.finfo(float).tiny))
         for edge in problem.parameter_range:
-            if edge != point.parameter and abs(point.parameter - edge) < self._pace * self.unit:
-                self.unit, self._edge = abs(point.parameter - edge) / self._pace, edge
-
-    def longest(self, point: Point, step: float) -> float:
-        """How long a step from a point may be, of the sign of that one."""
-        away = (self.origin.parameter - self._edge) * (1.0 if self.upright else self.direction[1]) * step > 0.0
-        distance = abs(point.parameter - self._edge) / self._pace if away else 0.0
-        return max(LONGEST * self.unit, min(distance, LONGEST * self._largest))
+            if edge != point.parameter:
+                self.unit = min(self.unit, abs(point.parameter - edge) / pace)
 
     def speed(self, point: Point) -> float:
         """Length of the point's own tangent per unit of the coordinate."""
@@ -205,23 +190,6 @@ class _Line:
             direction = np.zeros_like(x), math.copysign(1.0, self.origin.tangent_parameter)
         point, self.matrix = corrected_point(self.problem, (x, p), direction, self.metric, OPTIONS, self.matrix)
         return replace(point, parameter=p) if self.upright else point
-
-    def towards(self, place: float, step: float, near: Point) -> tuple[float, Point]:
-        """A step from a point of known coordinate, shorter where the curve is not found there, and its end.
-
-        Nor is it where what is found lies beyond a turn of the parameter, on the way back.
-        """
-        for _ in range(RETREATS):
-            try:
-                point = self.at(place + step, near, place)
-            except CorrectionError:
-                ahead = -1.0
-            else:
-                ahead = self.metric.dot(self.problem, point.tangent_x, point.tangent_parameter, *self.direction)
-            if ahead > 0.0:
-                return step, point
-            step *= RETREAT
-        return step, self.at(place + step, near, place)
 
     def rates(self, point: Point) -> Rates:
         """Rates of the observables per unit of the coordinate."""
@@ -248,7 +216,7 @@ class Beside:
 
     def __init__(self, point: Point, event: Event) -> None:
         self._line = line = _Line(point)
-        self.point, aside = line.at(0.0, point), ASIDE * line.unit
+        self.point, aside = line.at(0.0, point), FIRST_STEP * line.unit
         change = event.value(line.at(aside, self.point)) - event.value(self.point)
         if not change or line.matrix is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Nothing tells the event from what is next to it.)")
@@ -295,10 +263,10 @@ def _carried(place: _Place, problem: EquilibriumProblem, event: Event | None) ->
 
 
 def _located(place: _Place, event: Event | None) -> _Place:
-    """The zero of the event function near a place, by a secant iteration; the place itself without an event.
+    """The zero of the event function near a place; the place itself without an event.
 
-    Once the zero lies between two places it stays there, halved where secants gain little. How far it may still be away
-    counts as its uncertainty, a small share of the accuracy.
+    Secants lead to a bracket of the zero, or to the zero itself. How far it may still be away counts as its
+    uncertainty, a small share of the accuracy.
 
     Raises
     ------
@@ -309,37 +277,33 @@ def _located(place: _Place, event: Event | None) -> _Place:
         return place if place.settled else replace(place, point=at_parameter(place.point), settled=True)
     line = place.line or _Line(place.point)
     enough = ENOUGH * place.accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
-    least = max(CLOSEST * line.problem.rounding, enough) * line.unit
+    least = max(line.problem.rounding, enough) * line.unit
     s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
-    value = event.value(point)
-    steepness, stalls = place.steepness * line.speed(place.point), 0
-    told = 0.0  # what is more than the last digit
+    seen = {0.0: (event.value(point), point)}
+
+    def value(there: float) -> float:
+        near = min(seen, key=lambda known: abs(known - there))
+        beyond = line.at(there, seen[near][1], near)
+        seen[there] = event.value(beyond), beyond
+        return seen[there][0]
+
+    steepness = place.steepness * line.speed(place.point)
     if isinstance(event, Reached):
-        steepness, told = event.rate(line.rates(point)), UNTOLD * max(1.0, abs(event.target))
-    best, beyond = (abs(value), point, steepness), math.nan  # a place on the other side
+        steepness = event.rate(line.rates(point))
+    step = -seen[s][0] / steepness if steepness else FIRST_STEP * line.unit
     for _ in range(ITERATIONS):
-        whole = -value / steepness if steepness else ASIDE * line.unit
-        step = math.copysign(min(abs(whole), line.longest(point, whole)), whole)
-        if stalls or not 0.0 <= step * (beyond - s) <= (beyond - s) ** 2:
-            step = step if math.isnan(beyond) else (beyond - s) / 2
-        if abs(step) <= least:
+        step = math.copysign(min(abs(step), LONGEST * line.unit), step)
+        if not abs(step) > least:
             break
-        step, new_point = line.towards(s, step, point)
-        new_value = event.value(new_point)
-        if new_value * value < 0.0:
-            beyond = s
-        if abs(new_value - value) > told and (abs(step) > 1e-7 * line.unit or not steepness):
-            steepness = (new_value - value) / step
-        s, point, value = s + step, new_point, new_value
-        # The first step is but aside, and one that was cut short promises less.
-        stalls = stalls + 1 if best[2] and step == whole and abs(value) >= 0.5 * best[0] else 0
-        if abs(value) < best[0] or not best[2]:
-            best = (*min(best[:2], (abs(value), point), key=lambda one: one[0]), steepness)
-        lost = stalls > 1 and math.isnan(beyond)
-        if abs(value) <= told or (stalls and abs(step) < 1e-8 * line.unit) or lost:  # noise, also to the steepness
+        before, there = seen[s][0], value(s + step)
+        steepness = (there - before) / step
+        if there * before < 0.0:
+            find_root(value, (s, before), (s + step, there), least)
             break
-    value, point, steepness = best
-    uncertainty = min((value + event.noise) / abs(steepness), 1e-3 * line.unit) if steepness else 0.0
+        s += step
+        step = -there / steepness if steepness else 0.0
+    left, point = min(seen.values(), key=lambda one: abs(one[0]))
+    uncertainty = min((abs(left) + event.noise) / abs(steepness), 1e-3 * line.unit) if steepness else 0.0
     speed = line.speed(point)
     return _Place(point, place.accuracy, steepness / speed, uncertainty * abs(speed), settled=True)
 
@@ -435,15 +399,11 @@ def _best(
 ) -> Found | None:
     """The event on a discretisation and ever finer ones, until the estimate satisfies; None if not found.
 
-    The first one is the place's own if none is given.
-
-    Where two may agree by chance, and where higher order did not help, an agreement counts as far as a finer one than
-    both confirms it.
+    The first one is the place's own if none is given. Where solutions are made of pieces, or higher order has not
+    helped, the comparison is with a discretisation that has other edges: two of the same edges may agree by chance.
     """
     best: Found | None = None
-    chance: Found | None = None
-    before: Found | None = None
-    last, rough, idle = math.inf, False, 0
+    last, rough, shares = math.inf, False, iter(HALVED_SHARES)
     try:
         if problem not in (None, place.point.problem):
             place = _carried(place, problem, event)
@@ -453,87 +413,42 @@ def _best(
     try:
         for _ in range(ROUNDS):
             problem = equilibrium(place.point)
-            finer = problem.finer()
-            if finer is problem:
-                return _compared(place, None, accuracy)
-            fine = _carried(place, finer, event)
-            there = None if event is None else _nudged(fine, event)
-            if there is None:
-                fine = _located(fine, event)
-                there = fine.point.parameter, numbers(fine.point)
-            found = _compared(replace(place, uncertainty=max(place.uncertainty, fine.uncertainty)), there, accuracy)
-            if best is None and chance is not None:
-                found = _confirming(found, chance)
-                chance = chance if found.relative_error() <= accuracy else None  # or the next agreement needs it, too
+            other = problem.doubled() if rough or problem.pieced else problem
+            other = problem.finer() if other is problem else other
+            if other is problem:
+                return _compared(place, place, accuracy)
+            fine = _located(_carried(place, other, event), event)
+            found = _compared(place, fine, accuracy)
             error = found.relative_error()
-            idle = idle + 1 if best is not None and error > LITTLE * best.relative_error() else 0
             if best is None or error < best.relative_error():
                 best = found
-            if chance is None and error <= accuracy and (rough or problem.pieced):
-                best, chance = None, found if before is None else _confirming(found, before)
-                doubled = problem.doubled()
-                if doubled is problem and before is not None:
-                    break
-                if doubled is problem:
-                    doubled = problem.halved(place.point, 0.0)
-                place, before = _located(_carried(place, doubled, event), event), found
-                continue
-            spent = idle == len(IDLE) or (rough and error > WORSE * last)  # what is left is rounding
-            if error <= accuracy or finer.size > LARGEST or spent or problem.given:
+            if error <= accuracy or other.size > LARGEST or problem.given:
                 break
-            turns, last = not rough and error > GAIN * last, error
-            rough |= turns
-            if rough:  # higher order does not help where the law, or the tip, has kinks, as tables have
-                halved = problem.halved(place.point, IDLE[idle] * AIM * accuracy / error)
-                fine = _carried(place, halved, event)
-            if turns:  # the next one is of the trace's own order again
-                last = math.inf
-            place, before = _located(fine, event), found
+            rough |= error > GAIN * last
+            last = error
+            if not rough:
+                place = fine
+                continue
+            share = next(shares, None)
+            if share is None:  # what is left is rounding
+                break
+            place = _located(_carried(place, problem.halved(place.point, share * AIM * accuracy / error), event), event)
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
-        return best or chance or by_defect(place.point, event)
-    return best or chance
+        return best or by_defect(place.point, event)
+    return best
 
 
-def _confirming(found: Found, chance: Found) -> Found:
-    """An event that is to confirm another one: no better known than it differs from that."""
-    off = np.abs(np.subtract(found.numbers, chance.numbers))
-    load, displacement, radius, gap = np.maximum(found.error, off).tolist()
-    return replace(found, error=(load, displacement, radius, gap))
-
-
-def _nudged(place: _Place, event: Event) -> tuple[float, Four] | None:
-    """What parameter and `numbers` will be at the event, from one point close to it; None if it is not close.
-
-    The event is as far away as one Newton step says; over that distance the observables change at their rates.
-    """
-    line, point = place.line, place.point
-    if not place.steepness or line is None:
-        return None
-    step = -event.value(point) / (place.steepness * line.speed(point))
-    if not abs(step) < CLOSE * line.unit:
-        return None
-    # Half of the rate at this end: where it vanishes at the other, the load (or displacement) has an extremum.
-    held = event.control.kind if isinstance(event, FoldEvent) else ""
-    share = [0.5 if held == name else 1.0 for name in ("load", "displacement")] + [1.0, 1.0]
-    load, displacement, radius, gap = (
-        value + part * rate * step for value, part, rate in zip(numbers(point), share, line.rates(point), strict=True)
-    )
-    speed = line.speed(point) * point.tangent_parameter
-    return point.parameter + speed * step, (load, displacement, radius, gap)
-
-
-def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) -> Found:
-    """The event with error estimates; `finer`: parameter and numbers on the finer discretisation, if there is one."""
-    point, here = place.point, numbers(place.point)
-    parameter, there = finer or (point.parameter, here)
-    problem = equilibrium(point)
-    floor = problem.rounding + (FLOOR * accuracy if finer else 0.0)
-    moves = rates_of(point)
+def _compared(place: _Place, finer: _Place, accuracy: float) -> Found:
+    """The event with error estimates, by that on a finer discretisation, if there is one."""
+    point, other, here, there = place.point, finer.point, numbers(place.point), numbers(finer.point)
+    problem, moves = equilibrium(point), rates_of(point)
+    floor = problem.rounding + (FLOOR * accuracy if other.problem is not problem else 0.0)
+    uncertainty = max(place.uncertainty, finer.uncertainty)
     left_out = problem.left_out(point.x, point.parameter)
 
     def error(a: float, b: float, rate: float, besides: float = 0.0) -> float:
-        unsettled = 2 * abs(rate) * place.uncertainty if place.uncertainty else 0.0  # what rounding leaves open
+        unsettled = 2 * abs(rate) * uncertainty if uncertainty else 0.0  # what rounding leaves open
         return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + unsettled + besides
 
     load, displacement, radius, gap = (
@@ -541,38 +456,30 @@ def _compared(place: _Place, finer: tuple[float, Four] | None, accuracy: float) 
         0.0 if a == b == 0.0 else error(a, b, rate, besides)
         for a, b, rate, besides in zip(here, there, moves, left_out, strict=True)
     )
-    return Found(
-        here, (load, displacement, radius, gap), point, error(point.parameter, parameter, point.tangent_parameter)
-    )
+    parameter = error(point.parameter, other.parameter, point.tangent_parameter)
+    return Found(here, (load, displacement, radius, gap), point, parameter)
 
 
 def by_defect(point: Point, event: Event | None) -> Found:
     """The point with the error estimates of one Newton step, where a finer discretisation could not be followed.
 
-    An event that was not located itself adds how far away it may be, by a secant step along the parameter, here and on
-    a finer discretisation as far as that is found.
+    Those of an event are unknown unless it has been located.
     """
     point = _measured(point)
     problem = equilibrium(point)
-    defect, here = problem.defect(point), numbers(point)
-    line = _Line(point)
-    moves = line.rates(point)
-    along = abs(defect.state) / max(float(np.abs(point.tangent_x).max()) * abs(line.speed(point)), 1e-300)
-    missed = 0.0
+    defect, here, moves = problem.defect(point), numbers(point), rates_of(point)
+    speed = float(np.abs(point.tangent_x).max()) or math.inf
+    along = abs(defect.state) / speed
     if event is not None:
         try:
-            value = event.value(point)
-            step = 1e-4 * line.unit
-            beside = event.value(line.at(step, point))
-            finer = problem if problem.given else problem.finer()
-            there = value if finer is problem else event.value(settled(moved(point, finer)))
-            missed = abs(max(value, there, key=abs) * step / (beside - value)) if beside != value else math.inf
+            line = _Line(point)
+            change = event.value(line.at(FIRST_STEP * line.unit, point)) - event.value(point)
+            missed = abs(event.value(point) / change) if change else math.inf
         except (CorrectionError, ModelError):
-            missed = line.unit
-    away = min(along + missed, line.unit)
-    error = [
-        6 * abs(e) + problem.rounding * max(1.0, abs(v)) + 2 * abs(rate) * (missed and away)
-        for e, v, rate in zip(defect[:2], here[:2], moves[:2], strict=True)
-    ]
-    shifts = [2 * abs(rate) * away for rate in moves[2:]]
-    return Found(here, (error[0], error[1], shifts[0], shifts[1]), point)
+            missed = math.inf
+        along = along + missed * FIRST_STEP * abs(line.speed(point)) * line.unit if missed < 1.0 else math.inf
+    load, displacement, radius, gap = (
+        2 * SAFETY * abs(e) + problem.rounding * max(1.0, abs(v)) + (2 * abs(rate) * along if rate else 0.0)
+        for e, v, rate in zip((*defect[:2], 0.0, 0.0), here, moves, strict=True)
+    )
+    return Found(here, (load, displacement, radius, gap), point)
