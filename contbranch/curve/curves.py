@@ -19,10 +19,10 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.find import disconnected
 from contbranch.curve.outcome import RawCurve, no_curve, not_followed, state_in_units
 from contbranch.curve.paths import CurveWalk
-from contbranch.curve.problem import EquilibriumProblem
+from contbranch.curve.problem import ROW_SAFETY, EquilibriumProblem
 from contbranch.curve.quasi_static import Jump, Leg, Stop, quasi_static
 from contbranch.curve.refine import Found
-from contbranch.curve.rows import ROW_SAFETY, raw_curve
+from contbranch.curve.rows import raw_curve
 from contbranch.curve.solve import CONTROLS, Crossing, crossings, state_apart, state_on
 from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from contbranch.continuation import Event, StopAt
     from contbranch.continuation.follow import Branch
     from contbranch.curve.events import Ceiling, Folds
+    from contbranch.curve.outcome import RawEvent
 
 __all__ = [
     "STEPS",
@@ -56,6 +57,10 @@ STEPS = Options(
     detect_branch_points=False,
     maximum_points=40_000,
 )
+
+
+# A row's error estimate is this multiple of its defect, and at least this share of the value.
+ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
 
 
 class Values(NamedTuple):
@@ -218,15 +223,20 @@ class EquilibriumProblem(Problem):
     work : Work
     complete_by : str
         Why the curve holds every equilibrium there is, as the end of a sentence; empty where that is not known.
-    given : bool
-        Whether the discretisation is the user's, as nodes are: errors are stated, not brought below the accuracy asked;
-        rows lie as close as it lets them, and nothing is computed between them unless a value is asked there.
+    refinable : bool
+        Whether finer discretisations bring errors below the accuracy asked. Otherwise they are stated, rows lie as
+        close as the discretisation lets them, and nothing is computed between them unless a value is asked there.
     """
 
     scale: float
     work: Work
     complete_by: ClassVar[str] = ""
-    given: ClassVar[bool] = False
+    refinable: ClassVar[bool] = True
+
+    @property
+    def given(self) -> bool:
+        """Whether the discretisation is the user's."""
+        return not self.refinable
 
     @property
     def convex(self) -> bool:
@@ -454,13 +464,37 @@ class EquilibriumProblem(Problem):
         """Error of the energy that finer discretisations have, too; states near each other have it in common."""
         return 0.0
 
-    def shared(self, point: Point) -> tuple[float, float]:
-        """Of these, errors of load and displacement that states near each other have in common."""
-        return 0.0, 0.0
+    def row_error(self, point: Point) -> tuple[float, float]:
+        """Error estimates of load and displacement at a row: those of one Newton step on a finer discretisation."""
+        defect, left_out, own = self.defect(point), self.left_out(point.x, point.parameter), point.observables
+        floor = ROW_FLOOR if self.finer() is not self else self.rounding
+        load, displacement = (
+            ROW_SAFETY * abs(error) + floor * max(1.0, abs(own[name])) + besides
+            for error, name, besides in zip(defect[:2], ("load", "displacement"), left_out[:2], strict=True)
+        )
+        return load, displacement
 
-    def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
-        """What a fold is worth on a discretisation that was given, and a sentence; None where nothing is to be said."""
-        return None, ""
+    def error_rows(self, count: int) -> Sequence[int]:
+        """Which of so many rows are asked for their errors; between them the larger one of both sides counts."""
+        return range(count)
+
+    def counted_rows(self, folds: Sequence[int], last: int) -> list[list[int]]:
+        """Groups of rows of which one is to have the Morse index that the folds say, counted by inertia.
+
+        Parameters
+        ----------
+        folds : sequence of int
+            Their rows.
+        last : int
+            The last row.
+        """
+        return [[last]] if last else []
+
+    def judged(
+        self, events: Sequence[RawEvent], points: Sequence[Point], controls: Sequence[Control]
+    ) -> list[RawEvent]:
+        """Events with what is known of them on other discretisations."""
+        return list(events)
 
     def halved(self, point: Point, share: float) -> Self:
         """The same problem with panels halved where a state is not smooth, until its error is that share of itself.

@@ -422,7 +422,7 @@ def _best(
             error = found.relative_error()
             if best is None or error < best.relative_error():
                 best = found
-            if error <= accuracy or other.size > LARGEST or problem.given:
+            if error <= accuracy or other.size > LARGEST or (not problem.refinable):
                 break
             rough |= error > GAIN * last
             last = error

@@ -13,7 +13,7 @@ import numpy as np
 from contbranch.arrays import Array, Integers
 from contbranch.contact.units import COARSEST
 from contbranch.continuation import CorrectionError, Event, Point
-from contbranch.control import LOAD, Control
+from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.events import Balanced, FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
@@ -23,7 +23,6 @@ from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes,
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
 from contbranch.results.profile import CellFields, Profile
-from contbranch.results.record import OBSERVABLES
 from contbranch.threads import one_thread
 from contbranch.watch import finishing, kept, over, tell
 
@@ -32,13 +31,6 @@ __all__ = ["raw_curve"]
 CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
 # Accuracy at which neighbouring folds that their errors do not tell apart are located once more.
 SHARPEST = 1e-12
-# The rows' error estimates are those of one Newton step on a finer discretisation, with a floor.
-ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
-# What a fold may be off where a contact begins on a lattice, in units of what changes from the row before.
-BEGINNING = 1.1
-# Where the discretisation was given, errors are found at every so many rows, and indices at these shares of parts of
-# the curve with more than a few rows.
-STRIDE, SHARES, FEW = 6, (0.5, 0.3, 0.7), 6
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of a law outside of where it was followed
@@ -46,22 +38,20 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     """Rows and events of a curve; without ``request.events``, rows alone."""
     if not track.points:
         return no_curve(track.message, track.work.cost(), track.work.unknowns)
-    found = _refined(track, request) if request.events else []
+    problem, found = track.problem(0), _refined(track, request) if request.events else []
     unstable = {control: track.hodograph.rows(control) for control in track.controls}
     with finishing():
         events = [_event(track, mark, one) for mark, one in zip(track.marks, found, strict=False)]
         none = _pairs_of_rounding(track, found, unstable)
         events = [event for k, event in enumerate(events) if k not in none]
-        if track.problem(0).given:
-            _doubtful(track, events)
+        events = problem.judged(events, track.points, track.controls)
         placed = _placed(track, found)
     breaking = Breaking()
     if request.events and request.modes:
         breaking = kept(lambda: symmetry_breaking(track, request), breaking)
     events = merged(events, breaking.events)
     complete, messages = track.complete, [track.message, breaking.message]
-    given, held = track.problem(0).given, unstable[track.controls[1]]
-    complete &= (breaking.complete or given) and not over()
+    complete &= (breaking.complete or not problem.refinable) and not over()
     wrong = kept(lambda: _contradicted(track), list[int]()) if complete else []
     if wrong:
         complete = False
@@ -71,7 +61,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     worst = float(np.max([one.relative_error() for one in (*found, *broken)], initial=0.0)) / request.accuracy
     if over():  # nothing more is computed of it, now or when it is asked for
         events = [replace(event, exponent=None, local_exponent=None) for event in events]
-    elif not (worst <= 1.0 or given):
+    elif problem.refinable and not worst <= 1.0:
         complete = False
         much = "is not known; the law, or the tip, has kinks there"
         if math.isfinite(worst):
@@ -89,7 +79,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         np.maximum(track.column("central_gap"), 0.0),
         track.column("energy"),
         unstable[LOAD],
-        held,
+        unstable[DISPLACEMENT],
         errors,
         profiles=[_deferred_profile(point) for point in track.points],
         events=events,
@@ -100,7 +90,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         unstable_spring=unstable[track.controls[2]] if len(track.controls) > 2 else None,
         unstable_azimuthal=breaking.unstable if breaking.counts else None,
         critical=(lambda: critical_eigenvalues(track.points))
-        if breaking.counts and has_modes(track) and not given
+        if breaking.counts and has_modes(track) and problem.refinable
         else None,
         doubtful=doubtful,
         **_on_nodes(track),
@@ -112,7 +102,7 @@ def _placed(track: Track, found: Sequence[Found]) -> Track:
     may lie before the rows that they follow, or beyond the next ones."""
     points = list(track.points)
     for mark, one in zip(track.marks, found, strict=False):
-        if mark.kind in ("touch", "topology") and not track.problem(mark.row).given:
+        if mark.kind in ("touch", "topology") and one.point is not mark.point:
             points[mark.row] = valued(one.point)
     return replace(track, points=tuple(points))
 
@@ -128,16 +118,9 @@ def _on_nodes(track: Track) -> dict[str, Any]:
 
 
 def _contradicted(track: Track) -> list[int]:
-    """Rows whose Morse index under displacement control, by inertia, is not what the folds say: the last, and where the
-    discretisation was given, one in every part between two folds."""
-    held, last = track.hodograph.rows(track.controls[1]), len(track.points) - 1
-    parts = [[last]] if len(held) > 1 else []
-    if track.problem(0).given:
-        edges = [0, *sorted({mark.row for mark in track.marks if mark.kind == "fold"}), last]
-        for first, behind in pairwise(edges):
-            inner = [first + round(share * (behind - first)) for share in SHARES]
-            inside = [row for row in dict.fromkeys(inner) if first < row < behind]
-            parts += [inside] if behind - first > FEW else []
+    """Rows whose Morse index under displacement control, by inertia, is not what the folds say."""
+    held, last = track.hodograph.rows(DISPLACEMENT), len(track.points) - 1
+    folds = [mark.row for mark in track.marks if mark.kind == "fold"]
 
     def agrees(row: int) -> bool:
         point = track.points[row]
@@ -150,21 +133,18 @@ def _contradicted(track: Track) -> list[int]:
                 return True
         return False
 
-    known = [[row for row in rows if track.problem(row).countable] for rows in parts]
-    return [rows[0] for rows in known if rows and not any(map(agrees, rows))]
+    groups = [
+        [row for row in rows if track.problem(row).countable] for rows in track.problem(0).counted_rows(folds, last)
+    ]
+    return [rows[0] for rows in groups if rows and not any(map(agrees, rows))]
 
 
 def _disagreement(track: Track, rows: Sequence[int]) -> str:
-    if not track.problem(0).given:
-        return (
-            "The inertia at the end disagrees with the folds counted: a fold was missed or doubled; "
-            "ask for a hundredth of the accuracy."
-        )
     own = track.points[rows[0]].observables
+    finer = "for a hundredth of the accuracy" if track.problem(0).refinable else "for a finer grid"
     return (
-        f"In {len(rows)} parts of the curve eigenvalues find another number of unstable modes than the folds say, "
-        f"first at load {own['load']:.6g}, displacement {own['displacement']:.6g} (reduced): "
-        "a fold was missed, or is none; try a finer grid."
+        f"At load {own['load']:.6g}, displacement {own['displacement']:.6g} (reduced) the inertia finds another "
+        f"number of unstable modes than the folds say: a fold was missed, or is none; ask {finer}."
     )
 
 
@@ -191,7 +171,7 @@ def _located(point: Point, event: Event | None, accuracy: float, beside: Point |
     """An event made precise, by another model of the same state where the present one does not get as far."""
     found = refine(point, event, accuracy, beside)
     low, high = equilibrium(found.point).parameter_range
-    if not (low <= found.point.parameter <= high or equilibrium(point).given):
+    if not low <= found.point.parameter <= high and equilibrium(point).refinable:
         edge = min(max(found.point.parameter, low), high)
         return refine(replace(found.point, parameter=edge, observables={}), None, accuracy)
     if found.relative_error() <= accuracy or isinstance(event, Margin):
@@ -208,7 +188,12 @@ def _beside(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
     """
     ahead, here = track.onward[mark.row], track.points[mark.row].observables
     first = ahead.observables["contact_radius"]
-    if mark.control is None or equilibrium(ahead).given or here["contact_radius"] > 0.0 or here["central_gap"] > 0.0:
+    if (
+        mark.control is None
+        or not equilibrium(ahead).refinable
+        or here["contact_radius"] > 0.0
+        or here["central_gap"] > 0.0
+    ):
         return corner
     if first > 0.0:
         event = Balanced(mark.control)
@@ -252,7 +237,7 @@ def _pairs_of_rounding(track: Track, found: list[Found], unstable: Mapping[Contr
     The Morse indices of the rows between them, `unstable`, are those on both sides.
     """
     none = set[int]()
-    for control in () if track.problem(0).given else track.controls:
+    for control in track.controls if track.problem(0).refinable else ():
         folds: list[int] = []
         for k, mark in enumerate(track.marks[: len(found)]):
             if mark.control != control:
@@ -279,34 +264,20 @@ def _coincide(track: Track, found: list[Found], *pair: int) -> bool:
 
 
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
-    margin, error = "" if mark.margin == "edge" else mark.margin, found.error
-    beside = track.points[max(mark.row - 1, 0)].observables
-    if (
-        mark.control is not None
-        and track.problem(mark.row).given
-        and beside["contact_radius"] == 0.0 < found.numbers[2]
-    ):
-        # On the lattice a contact begins with some nodes: the fold may be anywhere between these and none.
-        pairs = zip(error, found.numbers, (beside[name] for name in OBSERVABLES), strict=True)
-        load, displacement, radius, gap = (max(own, BEGINNING * abs(here - there)) for own, here, there in pairs)
-        error = load, displacement, radius, gap
-    event = RawEvent(mark.kind, mark.row, found.numbers, error, place=found.point, margin=margin, message=mark.message)
+    margin = "" if mark.margin == "edge" else mark.margin
+    event = RawEvent(
+        mark.kind, mark.row, found.numbers, found.error, place=found.point, margin=margin, message=mark.message
+    )
     event = replace(event, name=mark.name)
     if mark.control is not None:
         control = mark.control
         pieces, rising = track.hodograph.pieces(control)
         before, after = max(mark.row - 1, 0), min(mark.row, len(pieces) - 1)
-        # Between rows of nodes that were given only an average is a function.
-        problem = track.problem(mark.row)
         gap = track.points[mark.row].observables["central_gap"]
         sooner = mark.row in track.onward and gap == 0.0 and found.numbers[3] > found.error[3]  # in the film before it
-        corner = (mark.row in track.onward and not sooner) or (problem.given and not problem.ordered)
-        point = found.point
-        verdict, message = equilibrium(point).verdict(point, control, error)
+        corner = (mark.row in track.onward and not sooner) or track.problem(mark.row).cornered
         return replace(
             event,
-            verdict=verdict,
-            message=message,
             control=control.kind,
             stiffness=control.spring_stiffness,
             before=int(pieces[before]),
@@ -324,43 +295,9 @@ def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
             values=(*found.numbers[:3], 0.0),
             error=(*found.error[:3], 0.0),
             message=f"{mark.message} {CONE}".strip(),
-            local_exponent=None if track.problem(mark.row).given else lambda: sampled_exponent(found, LOAD, ahead),
+            local_exponent=None if equilibrium(ahead).cornered else lambda: sampled_exponent(found, LOAD, ahead),
         )
     return event
-
-
-def _doubtful(track: Track, events: list[RawEvent]) -> None:
-    """Mark folds next to each other that differ by less than the errors of both, or that cannot both be.
-
-    Smallest differences come first, and belong to the error of what is left next to them. Maxima and minima of a
-    control alternate; of two of a kind the less sure is marked.
-    """
-    for control in track.controls:
-        own = [k for k, event in enumerate(events) if (event.kind, event.control) == ("fold", control.kind)]
-        while len(own) > 1:
-            at = {k: control.weighted(*events[k].values[:2]) for k in own}
-            heights = np.array(list(at.values()))
-            common = [equilibrium(events[k].place).shared(events[k].place) for k in own]
-            errors = np.array(
-                [control.weighted(*np.subtract(events[k].error[:2], c)) for k, c in zip(own, common, strict=True)]
-            )
-            apart = np.abs(np.diff(heights)) / np.minimum(errors[1:], errors[:-1])
-            place = int(np.argmin(apart))
-            if not apart[place] < 1.0:
-                break
-            pair = own[place : place + 2]
-            del own[place : place + 2]
-            ripple = np.abs(np.subtract(events[pair[0]].values, events[pair[1]].values))
-            for k in sorted(own[max(place - 1, 0) : place + 1], key=lambda k: abs(at[k] - at[pair[0]]))[:1]:
-                events[k] = replace(events[k], error=tuple(np.maximum(events[k].error, ripple).tolist()))
-            for k in pair:
-                message = "It differs from the fold next to it by less than the lattice's error."
-                events[k] = replace(events[k], verdict="unresolved", message=message)
-        for a, b in pairwise(own):
-            if events[a].verdict and events[b].verdict and events[a].maximum == events[b].maximum:
-                worse = max(a, b, key=lambda k: control.weighted(*events[k].error[:2]))
-                message = "Between it and the fold next to it, which is of the same kind, there is no other."
-                events[worse] = replace(events[worse], verdict="unresolved", message=message)
 
 
 # -- rows -------------------------------------------------------------------------------------------------------------
@@ -370,40 +307,23 @@ def _row_errors(points: Sequence[Point]) -> Array:
     Differences between two discretisations have a sign, which changes along the curve: at its zeros they say nothing,
     the neighbouring rows of the same discretisation do.
     """
-    if equilibrium(points[0]).given:
-        return _given_errors(points)
-    own = np.array([_row_error(point) for point in points])
-    found = own.copy()
-    for k, (first, second) in enumerate(pairwise(points)):
-        if first.problem is second.problem and np.isfinite(own[k : k + 2]).all():
-            found[k : k + 2] = np.maximum(found[k : k + 2], own[k : k + 2].max(axis=0))
+    rows = equilibrium(points[0]).error_rows(len(points))
+    own = [_row_error(points[row]) for row in rows]
+    found = np.zeros((len(points), 2))
+    found[rows] = own
+    for (a, first), (b, second) in pairwise(zip(rows, own, strict=True)):
+        if b > a + 1 or (points[a].problem is points[b].problem and np.isfinite((first, second)).all()):
+            found[a : b + 1] = np.maximum(found[a : b + 1], np.maximum(first, second))
     return found
 
 
-def _given_errors(points: Sequence[Point]) -> Array:
-    """Error estimates at some rows, and between them the larger one of both sides."""
-    rows = sorted({*range(0, len(points), STRIDE), len(points) - 1})
-    own = np.array([_row_error(points[row]) for row in rows])
-    place = np.searchsorted(rows, np.arange(len(points)))
-    return np.asarray(np.maximum(own[place], own[np.maximum(place - 1, 0)]))
-
-
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def _row_error(point: Point) -> Sequence[float]:
-    """Error estimates of load and displacement."""
-    problem, own = equilibrium(point), point.observables
+def _row_error(point: Point) -> tuple[float, float]:
     try:
-        defect = problem.defect(point)[:2]
-        left_out = problem.left_out(point.x, point.parameter)[:2]
+        load, displacement = equilibrium(point).row_error(point)
     except Exception:  # a user's law may raise anything, a finer discretisation may be too much: it is not known then
-        defect = math.inf, math.inf
-    if not np.isfinite(defect).all():
         return math.inf, math.inf
-    floor = ROW_FLOOR if problem.finer() is not problem else problem.rounding
-    return [
-        (1.0 if problem.given else ROW_SAFETY) * abs(error) + floor * max(1.0, abs(own[name])) + besides
-        for error, name, besides in zip(defect, ("load", "displacement"), left_out, strict=True)
-    ]
+    return (load, displacement) if math.isfinite(load + displacement) else (math.inf, math.inf)
 
 
 def _deferred_cell(point: Point) -> Callable[[], CellFields]:

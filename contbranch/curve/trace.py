@@ -165,9 +165,7 @@ class _Tracing:
         problem, name = equilibrium(last), _stopped(branch)
         if name == self.end.name:
             self.complete = True
-            message = problem.ending(name, last)
-            if not problem.given:
-                self.message = message
+            self.message = message = problem.ending(name, last)
             self.marks.append(Mark(len(self.points) - 1, "end", last, message=message))
             return None
         if over():
@@ -260,7 +258,7 @@ class _Tracing:
         """Raise the end beyond the load of an event."""
         load, problem = point.observables["load"], equilibrium(point)
         self.largest = max(self.largest, load)
-        if problem.given and point.observables["contact_radius"] > 0.0 and self.request.held is LOAD:
+        if not problem.refinable and point.observables["contact_radius"] > 0.0 and self.request.held is LOAD:
             # No curve ends where the error of a fold leaves open whether it is beyond.
             error = abs(problem.defect(point).load)
             self.end.target = max(self.end.target, load + error) if math.isfinite(error) else self.end.target
@@ -343,7 +341,7 @@ class _Tracing:
         marks = sorted([*marks, *extra], key=lambda mark: mark.row)
         hodograph = Hodograph(np.array(turning.angles), index)
         pieces = hodograph.pieces(DISPLACEMENT)[0]
-        if len(pieces) and pieces[-1] < 0 and problem.given:  # a fold where the curve only seems to go on
+        if len(pieces) and pieces[-1] < 0:  # the curve only seems to go on behind a fold
             self._turn_back(int(np.argmax(pieces < 0)))
             return self.track(problem)
         return Track(

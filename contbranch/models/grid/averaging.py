@@ -17,7 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -30,6 +30,7 @@ from contbranch.curve.problem import STEPS, Count, Defect, EquilibriumProblem, F
 from contbranch.results.profile import Profile
 
 from .arcs import Arc, arcs, onward
+from .judged import OnNodes
 from .newton import Equilibrium
 from .readings import Reading, read
 from .resolution import tail_energy
@@ -235,7 +236,7 @@ class Fit:
         return False
 
 
-class AveragedProblem(EquilibriumProblem):
+class AveragedProblem(OnNodes):
     """The average over a stretch of arcs: x = (F, d), and the parameter is the contact radius.
 
     Parameters
@@ -247,7 +248,6 @@ class AveragedProblem(EquilibriumProblem):
         Contact radius at which its rows begin.
     """
 
-    given: ClassVar[bool] = True
     ordered = True
     rounding = 1e-12
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -43,6 +43,7 @@ from contbranch.results.profile import Profile
 from contbranch.watch import over
 
 from .arcs import pressed
+from .judged import OnNodes
 from .landing import land
 from .measure import Direction, Measure, Stretch, following, quietly
 from .modes import Modes
@@ -88,7 +89,7 @@ BESIDE = 1e-4
 NOTHING = 1e-12
 
 
-class LatticeProblem(EquilibriumProblem):
+class LatticeProblem(OnNodes):
     """Equilibria on one lattice.
 
     Parameters
@@ -104,7 +105,6 @@ class LatticeProblem(EquilibriumProblem):
         Arcs just before, of which an average was made.
     """
 
-    given: ClassVar[bool] = True
     rounding = 1e-7
     skipped = False  # folds that lie closer together than a step
     average: AveragedProblem | None = None
