@@ -157,7 +157,7 @@ def _refined(track: Track, request: Request) -> list[Found]:
         for k, mark in enumerate(track.marks):
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
-            own = _located(mark.point, _event_of(track, mark), request.accuracy, beside)
+            own = _located(track, mark.point, _event_of(track, mark), request.accuracy, beside)
             if mark.control is not None and mark.row in track.onward:
                 own = _beside(track, mark, own, request.accuracy)
             found.append(own)
@@ -167,12 +167,16 @@ def _refined(track: Track, request: Request) -> list[Found]:
         return found + [by_defect(mark.point, _event_of(track, mark)) for mark in track.marks[len(found) :]]
 
 
-def _located(point: Point, event: Event | None, accuracy: float, beside: Point | None) -> Found:
-    """An event made precise, by another model of the same state where the present one does not get as far."""
+def _located(track: Track, point: Point, event: Event | None, accuracy: float, beside: Point | None = None) -> Found:
+    """An event made precise, by another model of the same state where the present one does not get as far.
+
+    One that finer discretisations find beyond an end of its problem is at that end, unless the curve begins there.
+    """
     found = refine(point, event, accuracy, beside)
-    low, high = equilibrium(found.point).parameter_range
-    if not low <= found.point.parameter <= high and equilibrium(point).refinable:
-        edge = min(max(found.point.parameter, low), high)
+    place, (low, high) = found.point.parameter, equilibrium(found.point).parameter_range
+    begins = place < low == track.points[0].parameter
+    if not (low <= place <= high or begins) and equilibrium(point).refinable:
+        edge = min(max(place, low), high)
         return refine(replace(found.point, parameter=edge, observables={}), None, accuracy)
     if found.relative_error() <= accuracy or isinstance(event, Margin):
         return found
@@ -256,7 +260,7 @@ def _coincide(track: Track, found: list[Found], *pair: int) -> bool:
     """Whether the errors of two folds leave open that they are one, at the accuracy asked and at the sharpest one."""
     for sharper in (False, True):
         for k in pair if sharper else ():
-            found[k] = _located(found[k].point, _event_of(track, track.marks[k]), SHARPEST, None)
+            found[k] = _located(track, found[k].point, _event_of(track, track.marks[k]), SHARPEST)
         first, second = (found[k] for k in pair)
         if (np.abs(np.subtract(first.numbers, second.numbers)) > np.add(first.error, second.error)).any():
             return False

@@ -366,12 +366,16 @@ class _Tracing:
         """Whether two folds of different controls between two rows come in the other order than their places say.
 
         Where load and displacement rest together rounding decides the places. The curve turns by half a turn one way or
-        the other, and the Morse index behind both folds, by inertia, tells which.
+        the other, and the Morse index behind both folds, by inertia, tells which if they differ by less than errors.
         """
         both, behind = (folds[row], folds.get(row + 1, folds[row])), row + 2
-        if both[0] == both[1] or behind >= len(self.points) or not {row, row + 1, behind}.isdisjoint(self.onward):
+        joints = {row, row + 1, behind} & {*self.onward, *folds}
+        if both[0] == both[1] or behind >= len(self.points) or joints != {row, row + 1}:
             return False
-        after, counted = self.points[behind], []
+        pair, after, counted = self.points[row:behind], self.points[behind], []
+        first, last = (np.array([point.observables[name] for name in ("load", "displacement")]) for point in pair)
+        if (np.abs(first - last) > sum(np.abs(equilibrium(point).defect(point)[:2]) for point in pair)).any():
+            return False
         for order in (both, both[::-1]):
             trial = deepcopy(turning)
             for control in order:
