@@ -67,6 +67,17 @@ def test_jump_in_of_lennard_jones_given_by_a_table() -> None:
         assert diagram.thresholds["pull_off_load"] == pytest.approx(-2.0 * math.pi * PULL_OFF[1.0], abs=1e-4)
 
 
+def test_a_film_under_a_law_that_yields_before_the_wall_is_no_contact() -> None:
+    """Its pressure is largest at a gap of 0.04 and 2 % lower at the wall: there the film is squeezed out."""
+    law = cb.Layered(-1.0, 0.5, 1.5, 0.5)
+    diagram, farther = (cb.trace(contact(law), max_load=load, modes=0) for load in (None, 600.0))
+    assert law.lowest_gap > 0.0 == law.contact_gap
+    assert diagram.status == farther.status == "complete"
+    assert diagram.branches[0].contact_radius[-1] > 0.0
+    assert diagram.thresholds["squeeze_out_load"] == pytest.approx(farther.thresholds["squeeze_out_load"], rel=1e-5)
+    assert diagram.thresholds["squeeze_out_load"] > 400.0
+
+
 def test_a_table_has_the_numbers_of_its_law_whatever_it_holds_of_the_core() -> None:
     """Depth of the minimum, and depth over the largest tension, (8/3)(3^(−1/2) − 3^(−3/2)) γ/ε."""
     steepest = 8.0 / 3.0 * (3.0**-0.5 - 3.0**-1.5)

@@ -27,10 +27,8 @@ _KINKS, _JUMP, _KINKED = (1e-3, 20.0, 4001), 1e-2, 1e-13
 # Energies that count, as a share of the largest, and the gaps at which they are looked at, relative to where a law has
 # decayed to that.
 WEAK, _ENERGY_GAPS = 1e-2, np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 400)])
-# A law yields at the wall if its pressure there is less than this share of the largest one inside its minimum (splines
-# through 60 to 200 rows of Lennard-Jones' law: 0.57 to 1); gaps at which pressures are looked at, relative to the
-# minimum's.
-YIELDS, _CORE_GAPS = 0.5, np.linspace(0.0, 1.0, 101)
+# Gaps at which pressures are looked at inside a minimum, relative to the minimum's.
+_CORE_GAPS = np.linspace(0.0, 1.0, 101)
 
 
 class Response(NamedTuple):
@@ -170,14 +168,19 @@ class Interaction:
 
     @cached_property
     def contact_gap(self) -> float:
-        """The gap of the minimum of a law that repels from there to the wall, and no less at the wall; otherwise 0.
+        """The gap of the minimum of a law that repels from there to the wall, most of all at the wall; otherwise 0.
 
-        A film within it counts as contact. One under a law that yields before the wall may still be squeezed out.
+        A film within it counts as contact. One under a law whose pressure has its largest value before the wall may
+        still be squeezed out.
         """
         if not self.lowest_gap:
             return 0.0
-        pressures = self.evaluate(self.lowest_gap * _CORE_GAPS).pressure
-        return 0.0 if pressures[0] < YIELDS * np.nanmax(pressures) else self.lowest_gap
+        pressures = self._pressures_inside()
+        return self.lowest_gap if pressures.size and not pressures[0] < np.nanmax(pressures) else 0.0
+
+    def _pressures_inside(self) -> Array:
+        """Pressures from the wall to the minimum."""
+        return self.evaluate(self.lowest_gap * _CORE_GAPS).pressure
 
     @property
     def kinks(self) -> tuple[float, ...]:

@@ -244,6 +244,14 @@ class Tabulated(Evaluated):
         rows = self.pressures if self.energies is None else self.energies
         return super().lowest_gap if rows is not None and min(rows) < 0.0 else 0.0
 
+    def _pressures_inside(self) -> Array:
+        """Those of the rows, or their differences: a spline falls short of a steep core at its last row."""
+        gaps = np.array(self.gaps)
+        inside = gaps <= self.lowest_gap
+        if self.energies is None:
+            return np.array(self.pressures)[inside]
+        return -np.diff(np.array(self.energies)[inside]) / np.diff(gaps[inside])
+
     @property
     def reference_work(self) -> float:
         """The largest |v| of the table, from the gap on at which v is lowest."""

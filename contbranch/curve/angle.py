@@ -13,13 +13,13 @@ and what is controlled grows along the curve where that floor is even.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from contbranch.arrays import Array, Integers
-from contbranch.control import DISPLACEMENT, Control
+from contbranch.arrays import Integers
+from contbranch.control import DISPLACEMENT, LOAD, Control
 
 __all__ = ["Hodograph", "Turning", "alpha", "in_passing", "short_way"]
 
@@ -54,37 +54,23 @@ def in_passing(controls: Sequence[Control], begin: float, turn: float) -> list[C
 
 @dataclass(frozen=True)
 class Hodograph:
-    """The direction φ of (d', F') on the pieces of a curve between its rows, unwrapped.
+    """How often the direction φ of (d', F') has passed those of the folds, on the pieces of a curve between its rows.
 
     Attributes
     ----------
-    angles : array (M − 1,)
-        A direction inside of every piece, between those of its ends: no fold lies there.
+    turns : mapping of Control to array (M − 1,)
+        ⌊(φ − α)/π⌋ on every piece: no fold lies inside of one.
     start : int
         Morse index under displacement control on the first piece.
     """
 
-    angles: Array
+    turns: Mapping[Control, Integers] = field(default_factory=dict)
     start: int = 0
 
-    @classmethod
-    def empty(cls) -> Hodograph:
-        """Of a curve without pieces."""
-        return cls(np.empty(0))
-
-    def turns(self, control: Control) -> Integers:
-        """⌊(φ − α)/π⌋ on the pieces, (M − 1,)."""
-        return np.floor((self.angles - alpha(control)) / math.pi).astype(np.int64)
-
     def pieces(self, control: Control) -> tuple[Integers, Integers]:
-        """Morse index under a control on the pieces, and the sign of the change of what is controlled, (M − 1,) each.
-
-        Pieces along which what is controlled rests count as rising.
-        """
-        turns, held = self.turns(control), self.turns(DISPLACEMENT)
-        if len(turns) == 0:
-            return turns, turns
-        return self.start + held[0] - turns, 1 - 2 * (turns % 2)
+        """Morse index under a control on the pieces, and the sign of the change of what is held, (M − 1,) each."""
+        turns, held = (self.turns.get(one, np.zeros(0, dtype=np.int64)) for one in (control, DISPLACEMENT))
+        return self.start + held[:1].sum() - turns, 1 - 2 * (turns % 2)
 
     def rows(self, control: Control) -> Integers:
         """Morse index under a control at the rows, (M,); a fold counts with its more stable side."""
@@ -95,91 +81,82 @@ class Hodograph:
 
 
 class Turning:
-    """Unwraps φ along the rows of a curve, row by row.
-
-    Rows at folds have exactly their fold's direction, on the side from which and to which the signs of the rates tell:
-    that keeps the order of folds that coincide to rounding.
+    """Counts the turns of φ along the rows of a curve, row by row.
 
     Parameters
     ----------
     controls : sequence of Control
+    load, displacement : float
+        Their rates at the first row.
     """
 
-    def __init__(self, controls: Sequence[Control]) -> None:
-        self.controls = controls
-        self.angles: list[float] = []
-        self.present = 0.0
-        self.signs: dict[str, int] = {}
-
-    def begin(self, load: float, displacement: float) -> None:
-        """The first row, by its rates of load and displacement."""
-        self.present = math.atan2(load, displacement)
-        self._know(load, displacement)
+    def __init__(self, controls: Sequence[Control], load: float, displacement: float) -> None:
+        self.controls, self.direction = controls, math.atan2(load, displacement)
+        self.turns = {
+            control: math.floor((self.direction - alpha(control)) / math.pi)
+            for control in dict.fromkeys((LOAD, DISPLACEMENT, *controls))
+        }
+        self._pieces: list[list[int]] = []
 
     def row(self, load: float, displacement: float) -> list[Control]:
-        """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order."""
-        raw = math.atan2(load, displacement)
-        turn = short_way(raw - self.present)
-        crossed = [control for control in self.controls if self._back(control, raw)]
-        crossed += in_passing(self.controls, self.present, turn)
-        missed = [control for control in crossed if abs(math.sin(raw - alpha(control))) > ON]
-        if missed:  # in the corner that this row is
-            self._piece(self.present)
-            self.corner(turn)
-            self._know(load, displacement)
-            return missed
-        found = self.present + turn
-        for control in self.controls:  # rounding beside a fold's direction
-            sign = self.signs.get(control.kind, 0)
-            if sign and math.sin(found - alpha(control)) * sign < 0:
-                found = alpha(control) + math.pi * round((found - alpha(control)) / math.pi)
-        self._piece(found)
-        self._know(load, displacement)
-        return []
+        """A row reached without a fold on the way, by its rates; the folds that were passed all the same, in order.
 
-    def _back(self, control: Control, raw: float) -> bool:
-        """Whether a direction is behind that of the fold just left: the curve came to lie before it again."""
-        off = self.present - alpha(control)
-        return abs(math.sin(off)) < ON and math.sin(raw - alpha(control)) * self.signs.get(control.kind, 0) < 0
+        They lie in the corner that the row is.
+        """
+        self._piece()
+        direction = math.atan2(load, displacement)
+        turn = short_way(direction - self.direction)
+        missed = [control for control in self.controls if self.contradicts(control, direction)]
+        order = in_passing(missed, self.direction, turn)
+        missed.sort(key=lambda control: order.index(control) if control in order else -1)
+        self._pass(missed, turn)
+        self.direction = direction
+        return missed
 
     def fold(self, control: Control) -> None:
-        """A row at a fold."""
-        clockwise = self.clockwise(control)
-        place = (self.present - alpha(control)) / math.pi
-        near = round(place)
-        if abs(place - near) * math.pi > ON:
-            near = math.floor(place) if clockwise else math.ceil(place)
-        self._piece(alpha(control) + math.pi * near)
-        self.signs[control.kind] = -self.signs.get(control.kind, -1 if clockwise else 1)
+        """A row at a fold.
 
-    def corner(self, turn: float) -> None:
-        """The curve leaves a row in another direction than it came."""
-        self.present += turn
-        self.signs = {}
-        self._know(math.sin(self.present), math.cos(self.present))
-
-    def clockwise(self, control: Control) -> bool:
-        """Which way the curve turns at a fold of a control that comes next.
-
-        At the fold (d', F') is along ±(1, −K): d' does not vanish there (for a displacement fold F' does not), and
-        F' + K d' changes its sign.
+        There (d', F') is along ±(1, −K), d' does not vanish (for a displacement fold F' does not), and F' + K d'
+        changes its sign: that says which way the curve turns.
         """
-        across = -self.signs.get("load", 1) if control.kind == "displacement" else self.signs.get("displacement", 1)
-        return self.signs.get(control.kind, 1) * across > 0
+        self._piece()
+        across = -self.rises(LOAD) if control == DISPLACEMENT else self.rises(DISPLACEMENT)
+        self.direction = alpha(control) + math.pi * round((self.direction - alpha(control)) / math.pi)
+        self._pass([control], -self.rises(control) * across)
 
-    def _piece(self, angle: float) -> None:
-        """Append the piece that ends in a direction."""
-        middle = (self.present + angle) / 2
-        for control in self.controls:  # both ends on one fold's direction: the piece lies on the side of its sign
-            place = (middle - alpha(control)) / math.pi
-            if abs(place - round(place)) * math.pi < ON / 2 and control.kind in self.signs:
-                up = (round(place) % 2 == 0) == (self.signs[control.kind] > 0)
-                middle = alpha(control) + math.pi * round(place) + (ON if up else -ON)
-        self.angles.append(middle)
-        self.present = angle
+    def corner(self, turn: float) -> list[Control]:
+        """The curve leaves a row in another direction than it came; the folds that are passed, in order."""
+        passed = in_passing(self.controls, self.direction, turn)
+        self._pass(passed, turn)
+        self.direction += turn
+        return passed
 
-    def _know(self, load: float, displacement: float) -> None:
-        for control in self.controls:
-            rate = control.weighted(load, displacement)
-            if rate:
-                self.signs[control.kind] = 1 if rate > 0 else -1
+    def rested(self, direction: float) -> list[Control]:
+        """The folds of what rests at a row, and changes the other way in the direction behind it."""
+        turn = short_way(direction - self.direction)
+        found = [c for c in self.controls if self._rests(c) and self.contradicts(c, direction)]
+        self._pass(found, turn)
+        return found
+
+    def _rests(self, control: Control) -> bool:
+        return abs(math.sin(self.direction - alpha(control))) < ON
+
+    def rises(self, control: Control) -> int:
+        """The sign of the change of what is controlled."""
+        return 1 - 2 * (self.turns[control] % 2)
+
+    def contradicts(self, control: Control, direction: float) -> bool:
+        """Whether what is controlled changes the other way in a direction, by more than rounding."""
+        return math.sin(direction - alpha(control)) * self.rises(control) < -ON
+
+    def hodograph(self, start: int) -> Hodograph:
+        """The turns so far, of a curve with a Morse index under displacement control on the first piece."""
+        columns = np.array(self._pieces, dtype=np.int64).reshape(-1, len(self.turns)).T
+        return Hodograph(dict(zip(self.turns, columns, strict=True)), start)
+
+    def _piece(self) -> None:
+        self._pieces.append([*self.turns.values()])
+
+    def _pass(self, controls: Sequence[Control], turn: float) -> None:
+        for control in controls:
+            self.turns[control] += 1 if turn > 0 else -1

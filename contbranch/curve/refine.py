@@ -44,8 +44,8 @@ ITERATIONS, LONGEST = 14, 0.2
 NEXT = 0.02
 # ... and by less than this the same but for which control they are a fold of.
 TWINS = 1e-6
-# First secant step, in units of the line.
-FIRST_STEP = 1e-5
+# First secant step, in units of the line; where the curve is not found a longer one is shortened by the second factor.
+FIRST_STEP, RETREAT = 1e-5, 0.2
 # Steps of which the square is rounding, in units of the line, and how many there are to one of these.
 NEXT_TO_NONE, AGAIN = 1e-8, 4
 # An event is located to this share of the accuracy.
@@ -295,7 +295,14 @@ def _located(place: _Place, event: Event | None) -> _Place:
         step = math.copysign(min(abs(step), LONGEST * line.unit), step)
         if not abs(step) > least:
             break
-        before, there = seen[s][0], value(s + step)
+        before = seen[s][0]
+        try:
+            there = value(s + step)
+        except CorrectionError:
+            step *= RETREAT
+            if abs(step) > least:
+                continue
+            raise
         steepness = (there - before) / step
         if there * before < 0.0:
             find_root(value, (s, before), (s + step, there), least)
@@ -468,16 +475,16 @@ def by_defect(point: Point, event: Event | None) -> Found:
     point = _measured(point)
     problem = equilibrium(point)
     defect, here, moves = problem.defect(point), numbers(point), rates_of(point)
-    speed = float(np.abs(point.tangent_x).max()) or math.inf
-    along = abs(defect.state) / speed
+    line = _Line(point)
+    along = abs(defect.state) / (float(np.abs(point.tangent_x).max()) or math.inf)
     if event is not None:
         try:
-            line = _Line(point)
-            change = event.value(line.at(FIRST_STEP * line.unit, point)) - event.value(point)
-            missed = abs(event.value(point) / change) if change else math.inf
+            step = FIRST_STEP * line.unit
+            change = event.value(line.at(step, point)) - event.value(point)
+            along += abs(line.speed(point) * step) * (abs(event.value(point) / change) if change else math.inf)
         except (CorrectionError, ModelError):
-            missed = math.inf
-        along = along + missed * FIRST_STEP * abs(line.speed(point)) * line.unit if missed < 1.0 else math.inf
+            along = math.inf
+        along = min(along, abs(line.speed(point)) * line.unit)
     load, displacement, radius, gap = (
         2 * SAFETY * abs(e) + problem.rounding * max(1.0, abs(v)) + (2 * abs(rate) * along if rate else 0.0)
         for e, v, rate in zip((*defect[:2], 0.0, 0.0), here, moves, strict=True)

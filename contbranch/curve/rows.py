@@ -29,6 +29,8 @@ from contbranch.watch import finishing, kept, over, tell
 __all__ = ["raw_curve"]
 
 CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
+# A fold where a ring opens is at the opening if they differ by less than errors and this multiple of the accuracy.
+OPENING_ERRORS = 10.0
 # Accuracy at which neighbouring folds that their errors do not tell apart are located once more.
 SHARPEST = 1e-12
 
@@ -154,17 +156,27 @@ def _refined(track: Track, request: Request) -> list[Found]:
     found: list[Found] = []
 
     def locate() -> None:
+        opening: Found | None = None
         for k, mark in enumerate(track.marks):
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             beside = found[-1].point if found else None
             own = _located(track, mark.point, _event_of(track, mark), request.accuracy, beside)
             if mark.control is not None and mark.row in track.onward:
                 own = _beside(track, mark, own, request.accuracy)
-            found.append(own)
+            if mark.control is None or opening is None or not _rests_at(opening, own, request.accuracy):
+                opening = own if mark.kind == "topology" else None
+            found.append(opening or own)
 
     kept(locate, None)
     with finishing():  # what was not reached is where the rows have it
         return found + [by_defect(mark.point, _event_of(track, mark)) for mark in track.marks[len(found) :]]
+
+
+def _rests_at(opening: Found, fold: Found, accuracy: float) -> bool:
+    """Whether a fold is where a ring opens before it: load and displacement rest there, and do not tell its place."""
+    values, errors = np.array(fold.numbers[:2]), np.array(fold.error[:2]) + opening.error[:2]
+    allowed = OPENING_ERRORS * accuracy * np.maximum(1.0, np.abs(values))
+    return bool((np.abs(values - opening.numbers[:2]) <= np.minimum(errors, allowed)).all())
 
 
 def _located(track: Track, point: Point, event: Event | None, accuracy: float, beside: Point | None = None) -> Found:
@@ -262,7 +274,8 @@ def _coincide(track: Track, found: list[Found], *pair: int) -> bool:
         for k in pair if sharper else ():
             found[k] = _located(track, found[k].point, _event_of(track, track.marks[k]), SHARPEST)
         first, second = (found[k] for k in pair)
-        if (np.abs(np.subtract(first.numbers, second.numbers)) > np.add(first.error, second.error)).any():
+        room = np.add(first.error, second.error)
+        if not (np.abs(np.subtract(first.numbers, second.numbers)) <= np.where(np.isfinite(room), room, 0.0)).all():
             return False
     return True
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 
@@ -14,7 +14,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.problem import UnresolvedError
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.angle import AMBIGUOUS, ON, Hodograph, Turning, alpha, in_passing, short_way
+from contbranch.curve.angle import AMBIGUOUS, Turning, alpha, short_way
 from contbranch.curve.events import NEGATIVE, Ceiling, Folds, Margin, Slopes
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.spacing import Spacing
@@ -312,7 +312,6 @@ class _Tracing:
 
     def track(self, problem: EquilibriumProblem) -> Track:
         """The curve with its hodograph, and with the folds that lie in corners."""
-        turning = Turning(self.request.controls)
         marks = sorted(self.marks, key=lambda mark: mark.row)
         folds = {}
         for mark in marks:
@@ -320,7 +319,7 @@ class _Tracing:
                 folds[mark.row] = mark.control
         start = self.points[0]
         index = equilibrium(start).unstable(start.x, start.parameter)
-        turning.begin(*self._rates(start))
+        turning = Turning(self.request.controls, *self._rates(start))
         extra: list[Mark] = []
         for row in range(1, len(self.points)):
             point = self.points[row]
@@ -339,7 +338,7 @@ class _Tracing:
                 extra += self._corner(turning, row)
         # At one row the event that makes the corner comes first.
         marks = sorted([*marks, *extra], key=lambda mark: mark.row)
-        hodograph = Hodograph(np.array(turning.angles), index)
+        hodograph = turning.hodograph(index)
         pieces = hodograph.pieces(DISPLACEMENT)[0]
         if len(pieces) and pieces[-1] < 0:  # the curve only seems to go on behind a fold
             self._turn_back(int(np.argmax(pieces < 0)))
@@ -381,35 +380,24 @@ class _Tracing:
             for control in order:
                 trial.fold(control)
             trial.row(*self.slopes(after))
-            counted.append(int(Hodograph(np.array(trial.angles), index).pieces(DISPLACEMENT)[0][-1]))
+            counted.append(int(trial.hodograph(index).pieces(DISPLACEMENT)[0][-1]))
         return counted[0] != equilibrium(after).unstable(after.x, after.parameter) == counted[1]
 
     def _corner(self, turning: Turning, row: int) -> list[Mark]:
         """The folds in the corner where one problem takes over from another."""
         ahead = self.onward[row]
         load, displacement = self._rates(ahead)
-        begin = turning.present
-        turn = short_way(math.atan2(load, displacement) - begin)
+        turn = short_way(math.atan2(load, displacement) - turning.direction)
         if abs(turn) > AMBIGUOUS * math.pi:
             behind = self.points[row - 1]
             before, after = (equilibrium(p).unstable(p.x, p.parameter) for p in (behind, ahead))
             ways = turn, turn - math.copysign(2 * math.pi, turn)
-            turn = next((way for way in ways if _raised(begin, way) == after - before), turn)
-        passed = in_passing(self.request.controls, begin, turn)
-        passed += self._rested(turning, row, passed)
-        turning.corner(turn)
+            turn = next((way for way in ways if _raised(turning.direction, way) == after - before), turn)
+        passed = turning.corner(turn)
+        # What rests exactly at a joint, and goes the other way behind it, has its fold there, too.
+        for point in self.points[row + 1 : row + 2]:
+            passed += turning.rested(math.atan2(*self._rates(point)))
         return [Mark(row, "fold", replace(self.points[row]), control) for control in passed]
-
-    def _rested(self, turning: Turning, row: int, passed: Sequence[Control]) -> list[Control]:
-        """The controls that rest exactly at a joint, and go the other way behind it: folds as well."""
-        rates = [self._rates(self.onward[row]), *(self._rates(point) for point in self.points[row + 1 : row + 2])]
-        found = []
-        for control in self.request.controls:
-            rests = abs(math.sin(turning.present - alpha(control))) < ON
-            ahead = next((r for r in (control.weighted(*one) / math.hypot(*one) for one in rates) if abs(r) > ON), 0.0)
-            if rests and control not in passed and ahead * turning.signs.get(control.kind, 0) < 0:
-                found.append(control)
-        return found
 
 
 def _raised(begin: float, turn: float) -> int:

@@ -78,7 +78,7 @@ class Track:
     gaps: frozenset[int]
     marks: tuple[Mark, ...]
     controls: tuple[Control, ...] = (LOAD, DISPLACEMENT)
-    hodograph: Hodograph = field(default_factory=Hodograph.empty)
+    hodograph: Hodograph = field(default_factory=Hodograph)
     complete: bool = True
     message: str = ""
     work: Work = field(default_factory=Work)

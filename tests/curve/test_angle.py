@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.angle import Hodograph, Turning
+from contbranch.curve.angle import Turning
 from contbranch.curve.events import FoldEvent
 from contbranch.curve.problem import EquilibriumProblem, Rates, Succession, Values, Work, oriented
 from contbranch.curve.refine import refine
@@ -289,8 +289,8 @@ def test_the_index_tells_how_a_curve_turns_back(short, clockwise):
     track = trace(Corner(arcs, 0, 1, 1 if clockwise else -1), Request(1e-8, control=spring))
     kinds = ["load", "spring", "displacement"] if clockwise else ["displacement", "spring", "load"]
     assert [mark.control.kind for mark in track.marks] == kinds
-    first, last = track.hodograph.angles[[0, -1]]
-    assert last - first == pytest.approx((-1 if clockwise else 1) * np.pi + short)
+    for turns in track.hodograph.turns.values():
+        assert turns[-1] - turns[0] == (-1 if clockwise else 1)
     for control in (LOAD, DISPLACEMENT, spring):
         assert track.hodograph.pieces(control)[0][[0, -1]].tolist() == [1, 2 if clockwise else 0]
 
@@ -308,12 +308,11 @@ def test_a_row_before_the_fold_just_left_has_passed_it_once_more(control, sense)
         assert control.weighted(*along) == pytest.approx(0.0, abs=1e-15)
         return sense * (along + held * across / control.weighted(*across))
 
-    turning = Turning([control])
-    turning.begin(*rates(-0.2))
+    turning = Turning([control], *rates(-0.2))
     assert turning.row(*rates(-0.1)) == []
     turning.fold(control)
     assert turning.row(*rates(-1e-4)) == [control]
     assert turning.row(*rates(-0.1)) == []
-    index, rising = Hodograph(np.array(turning.angles)).pieces(control)
+    index, rising = turning.hodograph(0).pieces(control)
     np.testing.assert_array_equal(rising, sense * np.array([-1, -1, 1, -1]))
     assert index[0] == index[1] == index[3] != index[2]

@@ -10,7 +10,7 @@ import pytest
 import contbranch as cb
 from contbranch.continuation import Point, StopAt
 from contbranch.control import DISPLACEMENT, LOAD
-from contbranch.curve.angle import Hodograph, Turning
+from contbranch.curve.angle import Turning
 from contbranch.curve.events import Ceiling, Folds, Slopes
 from contbranch.curve.trace import Request
 from contbranch.models.grid import LatticeCurves
@@ -67,12 +67,11 @@ def test_folds_of_one_corner_come_as_the_direction_turns_the_shorter_way(
     ahead, beyond = np.add((20.0, 20.0), before), np.add((20.0, 20.0), np.add(before, after))
     rows = walker()._cornered(chain([(20.0, 20.0), tuple(ahead), tuple(ahead), tuple(beyond)]))
     assert [row.event for row in rows if row.event] == order
-    turning = Turning(tuple(CONTROLS.values()))
-    turning.begin(*reversed(before))
+    turning = Turning(tuple(CONTROLS.values()), *reversed(before))
     for kind in order:
         turning.fold(CONTROLS[kind])
-    turning._piece(turning.present)
-    indices = Hodograph(np.array(turning.angles), start)
+    assert turning.row(*reversed(after)) == []
+    indices = turning.hodograph(start)
     (by_load, rise), (held, forward) = indices.pieces(LOAD), indices.pieces(DISPLACEMENT)
     assert (held[0], held[-1]) == (start, end)
     # One more mode is unstable at a fixed load than at a fixed displacement where the load falls with the displacement.

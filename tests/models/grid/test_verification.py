@@ -126,12 +126,12 @@ def test_a_convex_energy_is_not_examined():
 def test_a_fold_that_is_missing_contradicts(parabola):
     """Counted with one fold too many or too few, the index is not that of the eigenvalues."""
     request = Request(1e-6, modes=0)
-    angles = parabola.indices.angles
+    turns = parabola.indices.turns
     folds = [mark.row for mark in parabola.track.marks if mark.kind == "fold"]
-    for row in (folds[0] // 2, (folds[0] + folds[1]) // 2 + 1, len(angles) - 4):
-        turned = replace(parabola.indices, angles=np.append(angles[:row], angles[row:] - np.pi))
+    for row in (folds[0] // 2, (folds[0] + folds[1]) // 2 + 1, len(turns[LOAD]) - 4):
+        turned = {control: own - (np.arange(len(own)) >= row) for control, own in turns.items()}
         with quietly():
-            found = raw_curve(replace(parabola.track, hodograph=turned), request)
+            found = raw_curve(replace(parabola.track, hodograph=replace(parabola.indices, turns=turned)), request)
         assert not found.complete
         assert "a fold was missed, or is none" in found.message
 
