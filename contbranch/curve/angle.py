@@ -92,10 +92,9 @@ class Turning:
 
     def __init__(self, controls: Sequence[Control], load: float, displacement: float) -> None:
         self.controls, self.direction = controls, math.atan2(load, displacement)
-        self.turns = {
-            control: math.floor((self.direction - alpha(control)) / math.pi)
-            for control in dict.fromkeys((LOAD, DISPLACEMENT, *controls))
-        }
+        own = dict.fromkeys((LOAD, DISPLACEMENT, *controls))
+        self.turns = {control: math.floor((self.direction - alpha(control)) / math.pi) for control in own}
+        self._resting = {control for control in own if self._rests(control, self.direction)}
         self._pieces: list[list[int]] = []
 
     def row(self, load: float, displacement: float) -> list[Control]:
@@ -103,9 +102,10 @@ class Turning:
 
         They lie in the corner that the row is.
         """
-        self._piece()
         direction = math.atan2(load, displacement)
         turn = short_way(direction - self.direction)
+        self._wake(self.direction + turn)
+        self._piece()
         missed = [control for control in self.controls if self.contradicts(control, direction)]
         order = in_passing(missed, self.direction, turn)
         missed.sort(key=lambda control: order.index(control) if control in order else -1)
@@ -126,20 +126,28 @@ class Turning:
 
     def corner(self, turn: float) -> list[Control]:
         """The curve leaves a row in another direction than it came; the folds that are passed, in order."""
-        passed = in_passing(self.controls, self.direction, turn)
+        passed = [one for one in in_passing(self.controls, self.direction, turn) if one not in self._resting]
         self._pass(passed, turn)
         self.direction += turn
+        self._wake(self.direction)
         return passed
 
     def rested(self, direction: float) -> list[Control]:
         """The folds of what rests at a row, and changes the other way in the direction behind it."""
         turn = short_way(direction - self.direction)
-        found = [c for c in self.controls if self._rests(c) and self.contradicts(c, direction)]
+        self._wake(self.direction + turn)
+        found = [c for c in self.controls if self._rests(c, self.direction) and self.contradicts(c, direction)]
         self._pass(found, turn)
         return found
 
-    def _rests(self, control: Control) -> bool:
-        return abs(math.sin(self.direction - alpha(control))) < ON
+    def _rests(self, control: Control, direction: float) -> bool:
+        return abs(math.sin(direction - alpha(control))) < ON
+
+    def _wake(self, direction: float) -> None:
+        """What has rested since the curve began changes one way from here on."""
+        awake = [control for control in self._resting if not self._rests(control, direction)]
+        self.turns |= {control: math.floor((direction - alpha(control)) / math.pi) for control in awake}
+        self._resting.difference_update(awake)
 
     def rises(self, control: Control) -> int:
         """The sign of the change of what is controlled."""

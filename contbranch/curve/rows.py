@@ -100,11 +100,11 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
 
 
 def _placed(track: Track, found: Sequence[Found]) -> Track:
-    """The track with the rows at which the contact set changes where that was found to be: as they were traced, they
-    may lie before the rows that they follow, or beyond the next ones."""
+    """The track with its events as rows: as they were traced, they are those of other discretisations."""
     points = list(track.points)
     for mark, one in zip(track.marks, found, strict=False):
-        if mark.kind in ("touch", "topology") and one.point is not mark.point:
+        corner = mark.kind == "fold" and mark.row in track.onward
+        if one.point is not mark.point and not corner:
             points[mark.row] = valued(one.point)
     return replace(track, points=tuple(points))
 
