@@ -89,6 +89,8 @@ class Functions:
         Quantities (K,) at a point whose derivatives along the unit tangent are the functions.
     power : float
         m where the primitives are smooth in p^(1/m) on a curve that the parameter orders.
+    shortest : float
+        Share of a step below which the primitives' own errors hide what happens: it is not divided any further.
     known : dict
         Values at points already seen.
     """
@@ -97,6 +99,7 @@ class Functions:
     options: Options
     primitives: Callable[[Point], Array] | None = None
     power: float = 1.0
+    shortest: float = 0.0
     known: dict[Point, Array] = field(default_factory=dict)
 
     def at(self, point: Point) -> Array:
@@ -174,17 +177,23 @@ class Search:
         found: list[Bracket] = []
         if self.segment.length == 0.0:
             return found
-        most = len(self.seen) + MOST_POINTS
         parts = [_Part(self.ends[0], self.ends[1])]
         while parts:
             part = parts.pop()
             share, zeros = self._judged(part)
-            if share is not None and part.divisions < MOST_DIVISIONS and len(self.seen) < most:
+            if share is not None and self._divisible(part):
                 parts += self._divided(part, share)
                 self.seen.append(parts[-1].last)
                 continue
             found += [self._bracket(part, *one) for one in (zeros if share is None else self._crossed(part))]
         return found
+
+    def _divisible(self, part: _Part) -> bool:
+        return (
+            part.divisions < MOST_DIVISIONS
+            and part.share > self.functions.shortest
+            and len(self.functions.known) < MOST_POINTS
+        )
 
     @property
     def points(self) -> list[Point]:
@@ -270,7 +279,7 @@ class Search:
         held = [self.functions.primitives(one.point) for one in nodes]
         slopes = [self.functions.at(one.point) * stretch for one, stretch in zip(nodes, stretches, strict=True)]
         found = [slope.T / self._stretch(at) for slope in Hermite(places, held, slopes).slopes(at)]
-        return found[-1], self._differ(found)
+        return found[-1], self._differ(found if besides else found[-1:])
 
     def _evaluated(self, part: _Part, nodes: Sequence[_Seen], stretches: Array, at: Array) -> tuple[Array, Array]:
         """Return functions without primitives at predicted states, or on the curve where these do not serve."""
@@ -297,7 +306,7 @@ class Search:
     def _differ(self, found: Sequence[Array]) -> Array:
         if len(found) > 1:
             return np.asarray(np.abs(found[-1] - found[0]))
-        return RESOLVED_SHARE * np.broadcast_to(np.abs(found[-1]).max(axis=1, keepdims=True), found[-1].shape)
+        return RESOLVED_SHARE * np.abs(found[-1])
 
     def _divided(self, part: _Part, share: float) -> list[_Part]:
         """Return both parts of a part, the first one last; the point between them is no zero."""

@@ -19,6 +19,8 @@ from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
 
 __all__ = ["NEGATIVE", "Balanced", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
+# Share of a step in which rounding of load and displacement hides their folds.
+SHORTEST_PART = 2.0**-12
 # Width, relative to its place in the step, to which a fold is located.
 ROUNDOFF = 4.0 * float(np.finfo(float).eps)
 # Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached; where
@@ -267,7 +269,8 @@ class Folds(Event):
         """Every fold in the step once."""
         if not self.controls:
             return []
-        functions = Functions(self._along, options, self._held, equilibrium(segment.begin).power)
+        power = equilibrium(segment.begin).power
+        functions = Functions(self._along, options, self._held, power, SHORTEST_PART)
         if not segment.begin.problem.ordered:
             self._past = [] if previous is None else [previous.begin]
         search = Search(segment, functions, self._past)
