@@ -221,12 +221,18 @@ class EquilibriumProblem(Problem):
     given : bool
         Whether the discretisation is the user's, as nodes are: errors are stated, not brought below the accuracy asked;
         rows lie as close as it lets them, and nothing is computed between them unless a value is asked there.
+    relaxes_off_curve : bool
+        Whether stable states need not lie on the curve, so that the relaxation from a fold is followed always.
+    rows_between : bool
+        Whether rows are added between those of the steps where straight lines stray from the curve.
     """
 
     scale: float
     work: Work
     complete_by: ClassVar[str] = ""
     given: ClassVar[bool] = False
+    relaxes_off_curve: ClassVar[bool] = False
+    rows_between: ClassVar[bool] = True
 
     @property
     def convex(self) -> bool:
@@ -237,6 +243,17 @@ class EquilibriumProblem(Problem):
     def pieced(self) -> bool:
         """Whether solutions have so many kinks that two discretisations may agree by chance."""
         return False
+
+    @property
+    def states_between(self) -> bool:
+        """Whether states between rows are worth their cost where a path is drawn."""
+        return True
+
+    @property
+    def has_family(self) -> bool:
+        """Whether the discretisation serves other contacts, too: see `varied`."""
+        own, base = type(self), EquilibriumProblem
+        return own.member is not base.member or own.varied is not base.varied
 
     @property
     def described_to(self) -> float:

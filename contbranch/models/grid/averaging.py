@@ -248,6 +248,7 @@ class AveragedProblem(EquilibriumProblem):
     """
 
     given: ClassVar[bool] = True
+    rows_between: ClassVar[bool] = False
     ordered = True
     rounding = 1e-12
 

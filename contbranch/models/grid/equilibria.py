@@ -105,6 +105,8 @@ class LatticeProblem(EquilibriumProblem):
     """
 
     given: ClassVar[bool] = True
+    relaxes_off_curve: ClassVar[bool] = True
+    rows_between: ClassVar[bool] = False
     rounding = 1e-7
     skipped = False  # folds that lie closer together than a step
     average: AveragedProblem | None = None
@@ -131,6 +133,11 @@ class LatticeProblem(EquilibriumProblem):
     def size(self) -> int:
         """Nodes."""
         return self.setup.lattice.size**2
+
+    @property
+    def states_between(self) -> bool:
+        """On few nodes."""
+        return self.size <= 128**2
 
     @cached_property
     def settings(self) -> Settings:
