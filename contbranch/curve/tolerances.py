@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-__all__ = ["FINEST_ROWS", "LANDING_MARGIN", "ORDINARY_ROWS", "QUADRATURE_SHARE", "RETRY_FACTOR", "ROW_SAFETY", "of_rows"]
+__all__ = [
+    "FINEST_ROWS",
+    "LANDING_MARGIN",
+    "ORDINARY_ROWS",
+    "QUADRATURE_SHARE",
+    "RETRY_FACTOR",
+    "ROW_SAFETY",
+    "of_rows",
+]
 
 # A curve that is lost, or whose events are in doubt, is followed once more at the accuracy asked times this. Fixed by
 # studies/random_contacts.py: of the contacts that fail at 1e-4 nearly all are complete at 1e-6.
