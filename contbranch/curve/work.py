@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import Chebyshev
+from numpy.polynomial.chebyshev import chebder, chebint, chebmul
+from scipy.fft import dct
 
 from contbranch.continuation import Point
 from contbranch.continuation.walk import point_on
@@ -68,10 +69,11 @@ class Piece:
         while intervals <= MOST_INTERVALS:
             places = nodes[:: MOST_INTERVALS // intervals]
             known |= {x: _held(self.point(x)) for x in places.tolist() if x not in known}
-            values = np.array([known[x] for x in places.tolist()])
-            displacement, load = (Chebyshev.fit(places, column, intervals, [0, 1]) for column in values.T)
+            coefficients = dct([known[x] for x in places[::-1].tolist()], type=1, axis=0) / intervals
+            coefficients[[0, -1]] /= 2.0
+            displacement, load = coefficients.T  # of Chebyshev polynomials over -1 ... 1
             last, before = found, change
-            found = float((load * displacement.deriv()).integ(lbnd=0.0)(1.0))
+            found = float(chebint(chebmul(load, chebder(displacement)), lbnd=-1.0).sum())
             change = abs(found - last)
             # The rules converge geometrically, so the next change is smaller by the last ratio at least.
             if change * min(1.0, change / before if 0.0 < before < math.inf else 1.0) <= tolerance:
