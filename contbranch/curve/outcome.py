@@ -77,8 +77,6 @@ class RawEvent:
         Where the model has it, from which it can be followed; None if it cannot.
     margin : str
         Of the place's problem, which vanishes there; empty for a fold, and where its parameter is known.
-    point : object
-        The point of the curve, where the model has it but cannot follow it.
     exponent, local_exponent : callable
         Deferred, since they cost further solutions.
     verdict : str or None
@@ -98,7 +96,6 @@ class RawEvent:
     stiffness: float | None = None
     place: Any = None
     margin: str = ""
-    point: Any = None
     position: float | None = None
     mode: int | None = None
     index: int = 1
