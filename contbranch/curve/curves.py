@@ -39,6 +39,12 @@ EXTENSIONS = 8
 # The last curve on which states were looked for is kept, since the next state asked for is often one of the same
 # contact, unless it has more rows than this and takes too much memory.
 MOST_ROWS_KEPT = 300
+# What is said of jumps whose ends are not certain.
+ASSUMED = (
+    "After the fold at {} the path goes on at the next stable state along the curve ({}): the relaxation was not "
+    "followed there, and energies along the curve do not exclude that it ends at another one, see `others` of the jump."
+)
+OFF_CURVE = "The relaxation from the fold at {} ends in a state that is not on the traced curve ({})."
 _recent: dict[tuple[Any, ...], Track] = {}
 Reading = TypeVar("Reading", Track, RawCurve)
 
@@ -146,11 +152,11 @@ class FollowedCurves:
         """The first problem of the curve."""
         return self.model.problem(self.reduced, request.accuracy)
 
-    def track(self, request: Request, tolerance: float | None = None) -> Track:
-        """The curve with the problems that solved its rows, these within a tolerance if one is given."""
-        return self._read(request, lambda track: track, tolerance)
+    def track(self, request: Request) -> Track:
+        """The curve with the problems that solved its rows."""
+        return self._read(request, lambda track: track)
 
-    def _read(self, request: Request, read: Callable[[Track], Reading], tolerance: float | None = None) -> Reading:
+    def _read(self, request: Request, read: Callable[[Track], Reading]) -> Reading:
         """What is read off the curve.
 
         Where it is lost, or what is read of all of it is in doubt, it is followed once more with finer discretisations,
@@ -158,8 +164,7 @@ class FollowedCurves:
         """
 
         def followed(accuracy: float) -> Track:
-            problem = self.model.problem(self.reduced, accuracy)
-            return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
+            return trace(self.model.problem(self.reduced, accuracy), request)
 
         track, finer = followed(request.accuracy), RETRY_FACTOR * request.accuracy
         first = read(track)
@@ -234,10 +239,10 @@ class FollowedCurves:
 
     def path(self, request: Request) -> Route:
         """The quasi-static path under a control."""
-        control, tolerance = request.control, of_rows(request.accuracy)
-        request, landings = replace(request, modes=0), dict[Hashable, int | None]()
+        control, landings = request.control, dict[Hashable, int | None]()
+        request = replace(request, modes=0, fine=True)
         for _ in range(EXTENSIONS):
-            track = self.track(request, tolerance)
+            track = self.track(request)
             curve = raw_curve(track, request)
             walk = CurveWalk(track, curve.events, control, request.accuracy, landings)
             legs, jumps, failed = quasi_static(walk) if len(track.points) > 1 else ([], [], "")
@@ -251,17 +256,8 @@ class FollowedCurves:
             own = state_in_units(self.contact, state)
             return f"load {own.load:.6g}, displacement {own.displacement:.6g}"
 
-        notes = [
-            f"After the fold at {told(fold.state)} the path goes on at the next stable state along the curve "
-            f"({told(end.state)}): the relaxation was not followed there, and energies along the curve do not exclude "
-            "that it ends at another one, see `others` of the jump."
-            for fold, end in walk.assumed
-        ]
-        notes += [
-            f"The relaxation from the fold at {told(fold.state)} ends in a state that is not on the traced curve "
-            f"({told(state)})."
-            for fold, state in walk.off_curve
-        ]
+        notes = [ASSUMED.format(told(fold.state), told(end.state)) for fold, end in walk.assumed]
+        notes += [OFF_CURVE.format(told(fold.state), told(state)) for fold, state in walk.off_curve]
         complete = curve.complete and not (walk.off_curve or failed or lost)
         return Route(walk, legs, jumps, curve, complete, " ".join([curve.message, *notes, failed]).strip())
 
@@ -286,7 +282,7 @@ class FollowedCurves:
         if accuracy < ORDINARY_ROWS and any(abs(fold - value) <= near for fold in folds) and not over():
             problem = self.problem(request)
             if problem.rows_within(of_rows(accuracy)) is not problem:
-                track = self.track(request, of_rows(accuracy))
+                track = self.track(replace(request, fine=True))
         return track, crossings(track, field, value, accuracy)
 
 

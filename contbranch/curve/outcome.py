@@ -22,33 +22,16 @@ from contbranch.control import Control, Spring, as_control
 from contbranch.curve.naming import fold_name, number_layers, signs_of, threshold_events
 from contbranch.curve.problem import equilibrium
 from contbranch.errors import InputError
-from contbranch.results.diagram import (
-    Branch,
-    Cost,
-    Diagram,
-    Event,
-    Exponent,
-    LocalExponent,
-    ModelChoice,
-    State,
-)
+from contbranch.results.diagram import Branch, Cost, Diagram, Event, Exponent, LocalExponent, ModelChoice, State
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import OBSERVABLES, Record, later
 from contbranch.threads import one_thread
 from contbranch.watch import over
 
 __all__ = [
-    "RawCurve",
-    "RawEvent",
-    "assemble",
-    "fold_names",
-    "measured",
-    "no_curve",
-    "not_followed",
-    "state_in_reduced",
-    "state_in_units",
-    "unit_of_control",
-]
+    "RawCurve", "RawEvent", "assemble", "fold_names", "measured", "no_curve", "not_followed", "state_in_reduced",
+    "state_in_units", "unit_of_control",
+]  # fmt: skip
 
 # Tabor coefficients below which curves of repulsion and of attraction are followed to their end.
 STIFFEST = 128, 1000
@@ -291,24 +274,21 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
     raws = [(raw, name, k) for k, own in enumerate(curves) for raw, name in zip(own.events, names[k], strict=True)]
     events = tuple(_event(contact, *raw, choice.kind) for raw in raws)
     repulsive = signs_of(contact.interaction) == (False, True)
-    found = threshold_events(events[: len(curve.events)], repulsive) if curve.complete or events else {}
+    named = threshold_events(events[: len(curve.events)], repulsive) if curve.complete or events else {}
     sampled: dict[int, LocalExponent] = {}
 
     @one_thread
     def local_exponents(event: Event) -> LocalExponent:
         number = events.index(event)
-        if number in sampled:
-            return sampled[number]
-        exponent = _local_exponent(contact.scales, raws[number][0], event.name or event.kind)
-        if not over():  # what has ended early is sampled again
-            sampled[number] = exponent
-        return exponent
+        name = event.name or event.kind
+        found = sampled.get(number) or _local_exponent(contact.scales, raws[number][0], name)
+        return found if over() else sampled.setdefault(number, found)  # what has ended early is sampled again
 
     return Diagram(
         contact=contact,
         branches=tuple(_branch(contact.scales, own) for own in curves),
         events=events,
-        thresholds={name: getattr(event, key) for name, (event, key) in found.items()},
+        thresholds={name: getattr(event, key) for name, (event, key) in named.items()},
         model=choice,
         cost=curve.cost,
         control=control.kind,
@@ -319,7 +299,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         description=contact.describe(),
         unit_names=contact.units.names,
         local_exponents=local_exponents,
-        sensitivities=later(one_thread(lambda: _sensitivities(contact, found, accuracy))),
+        sensitivities=later(one_thread(lambda: _sensitivities(contact, named, accuracy))),
     )
 
 

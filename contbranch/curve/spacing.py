@@ -34,12 +34,10 @@ class Spacing:
         The rows: their extent is the unit.
     slopes : Slopes
         What is known of the rates at the rows.
-    fine : bool
-        Whether all rows are to be as accurate as asked; errors of those inside a step are but stated otherwise.
     """
 
-    def __init__(self, points: Sequence[Point], slopes: Slopes, fine: bool = False) -> None:
-        self.slopes, self.fine = slopes, fine
+    def __init__(self, points: Sequence[Point], slopes: Slopes) -> None:
+        self.slopes = slopes
         seen = np.array([_seen(point) for point in points])
         self.extent = np.maximum(np.ptp(seen, axis=0), 1e-9 * (1.0 + np.abs(seen).max(axis=0)))
 
@@ -75,8 +73,8 @@ class Spacing:
             segment = piece(*(point if point.observables else valued(point) for point in linked(begin, end)))
             found = self._divided(segment, DIVISIONS, 1 + apart)
             # Where the end asked for a better discretisation, rows on the way there may do so, too.
-            asked = self.fine or end.problem is not begin.problem
-            return [adapted(point, segment.metric, STEPS)[0] for point in found] if asked else found
+            refined = end.problem is not begin.problem
+            return [adapted(point, segment.metric, STEPS)[0] for point in found] if refined else found
         except CorrectionError:  # two rows that no piece of curve joins: nothing is known between them
             return []
 

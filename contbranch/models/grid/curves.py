@@ -58,7 +58,7 @@ class LatticeCurves(FollowedCurves):
         """The first problem of the curve."""
         return LatticeProblem(self.setup(request), tolerance(request))
 
-    def track(self, request: Request, tolerance: float | None = None) -> Track:
+    def track(self, request: Request) -> Track:
         """The curve, with what is to be said of the lattice; where it is too coarse, on twice the nodes a side."""
         return traced(self.setup(request), request)
 
