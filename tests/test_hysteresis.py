@@ -238,7 +238,7 @@ def test_a_loop_whose_curve_ends_before_a_jump_does_is_incomplete(monkeypatch):
 class Blind(paths.CurveWalk):
     """A walk along a curve that finds no landing."""
 
-    def crossing(self, piece, value):
+    def crossing(self, *_):
         raise ModelError("no state was found")
 
 

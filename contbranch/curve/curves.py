@@ -1,4 +1,4 @@
-"""What is asked of a contact's curve, and what any model's equilibrium problem answers."""
+"""The curve of a contact by a model: traced, asked for states, and followed as a quasi-static path."""
 
 from __future__ import annotations
 
@@ -246,19 +246,19 @@ class FollowedCurves:
             curve = raw_curve(track, request)
             walk = CurveWalk(track, curve.events, control, request.accuracy, landings)
             legs, jumps, failed = quasi_static(walk) if len(track.points) > 1 else ([], [], "")
-            lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
-            if not (lost and curve.complete) or walk.off_curve or failed or over():
+            endless = [jump for jump in jumps if jump.end is None and jump.direction > 0]
+            if not (endless and curve.complete) or walk.off_curve or failed or over():
                 break
-            value = control.of(lost[0].begin.state)
+            value = control.of(endless[0].begin.state)
             request = replace(request, target=value + LANDING_MARGIN * max(1.0, abs(value)), held=control)
 
-        def told(state: State) -> str:
+        def place(state: State) -> str:
             own = state_in_units(self.contact, state)
             return f"load {own.load:.6g}, displacement {own.displacement:.6g}"
 
-        notes = [ASSUMED.format(told(fold.state), told(end.state)) for fold, end in walk.assumed]
-        notes += [OFF_CURVE.format(told(fold.state), told(state)) for fold, state in walk.off_curve]
-        complete = curve.complete and not (walk.off_curve or failed or lost)
+        notes = [ASSUMED.format(place(fold.state), place(end.state)) for fold, end in walk.assumed]
+        notes += [OFF_CURVE.format(place(fold.state), place(state)) for fold, state in walk.off_curve]
+        complete = curve.complete and not (walk.off_curve or failed or endless)
         return Route(walk, legs, jumps, curve, complete, " ".join([curve.message, *notes, failed]).strip())
 
     def _crossings(self, request: Request, field: str, value: float) -> tuple[Track, list[Crossing]]:

@@ -39,18 +39,18 @@ def loop(contact: Contact, route: Route, control: Control, choice: ModelChoice, 
         event.row: name for event, name in named if (event.kind, event.control) == ("fold", control.kind)
     }
     jumps = tuple(_jump(contact, route.walk, jump, names.get(jump.begin.row)) for jump in route.jumps)
-    lost = next((jump for jump in jumps if jump.to is None), None)
+    endless = next((jump for jump in jumps if jump.to is None), None)
     # What holds the tip by more than a load keeps it at a finite separation.
-    complete = route.complete and (lost is None or control.kind == "load")
-    closed = complete and bool(route.legs) and lost is None
-    message, fold = route.message, (lost and lost.name) or "the fold"
-    if lost and complete:
+    complete = route.complete and (endless is None or control.kind == "load")
+    closed = complete and bool(route.legs) and endless is None
+    message, fold = route.message, (endless and endless.name) or "the fold"
+    if endless and complete:
         message += (
-            f" The loop does not close: at {fold} (load {lost.start.load:.6g}) the contact is lost to infinite "
+            f" The loop does not close: at {fold} (load {endless.start.load:.6g}) the contact is lost to infinite "
             "separation, since no state of lower energy exists there under load control; what is dissipated has no "
             "bound."
         )
-    elif lost:
+    elif endless:
         message += f" Where the jump from {fold} ends was not reached."
     elif complete and not route.legs:
         message = f"There is no stable state under {control.kind} control."

@@ -110,30 +110,28 @@ class CurveWalk:
         found = crossing.found
         return Stop(crossing.piece, state_on(self.track, crossing), found.point, row, energy_at(found)[1])
 
-    def crossing(self, piece: int, value: float) -> Stop:
+    def crossing(self, piece: int, value: float, value_error: float = 0.0) -> Stop:
         """The state on a piece at a value of the control.
+
+        Parameters
+        ----------
+        value_error : float
+            Error of ``w·(F, d)`` at that value, see `Control.weighted`, which adds to the errors of the state.
 
         Raises
         ------
         ModelError
             If it was not found.
         """
-        key = piece, value
-        if key not in self._crossings:
+        if (piece, value) not in self._crossings:
             there = crossing(self.track, piece, self.control, value, self.accuracy)
-            self._crossings[key] = self._stop(replace(there, found=self._uncertain(there.found, value)))
-        return self._crossings[key]
-
-    def _uncertain(self, found: Found, value: float) -> Found:
-        """A state at the value of a fold, with what that value's own error adds to its error estimates."""
-        errors = [fold.state.error for fold in self.folds.values() if self.control.of(fold.state) == value]
-        missed = max((self.control.weighted(error["load"], error["displacement"]) for error in errors), default=0.0)
-        rates = rates_of(found.point)
-        pace = abs(self.control.weighted(rates.load, rates.displacement))
-        if not missed or not pace:
-            return found
-        error = np.array(found.error) + np.abs(rates) * (missed / pace)
-        return replace(found, error=tuple(error.tolist()))
+            rates = rates_of(there.found.point)
+            pace = abs(self.control.weighted(rates.load, rates.displacement))
+            if value_error and pace:
+                error = np.array(there.found.error) + np.abs(rates) * (value_error / pace)
+                there = replace(there, found=replace(there.found, error=tuple(error.tolist())))
+            self._crossings[piece, value] = self._stop(there)
+        return self._crossings[piece, value]
 
     def before(self, value: float) -> Stop | None:
         """The state farther away than the first row; None under load, which holds nothing out there.

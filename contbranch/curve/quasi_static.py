@@ -205,8 +205,9 @@ def _jump(walk: CurveWalk, parts: Sequence[range], fold: Stop, direction: int) -
     outside = walk.before(value) if walk.unstable[0] == 0 and value < walk.values[0] else None
     # The stable part that ends here has the value nowhere else.
     elsewhere = [piece for part in parts if fold.row not in (part.start, part.stop) for piece in part]
+    error = control.weighted(fold.state.error["load"], fold.state.error["displacement"])
     candidates = [] if outside is None else [outside]
-    candidates += [walk.crossing(piece, value) for piece in elsewhere if _passes(walk, piece, value)]
+    candidates += [walk.crossing(piece, value, error) for piece in elsewhere if _passes(walk, piece, value)]
     above = [(stop, control.height(value, stop.state) - height) for stop in candidates]
     # Errors may hide what is lower, as next to a continuous onset.
     below = [stop for stop, more in above if more < 0.0]

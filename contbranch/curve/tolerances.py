@@ -12,21 +12,22 @@ __all__ = [
     "of_rows",
 ]
 
-# A curve that is lost, or whose events are in doubt, is followed once more at the accuracy asked times this. Fixed by
-# studies/random_contacts.py: of the contacts that fail at 1e-4 nearly all are complete at 1e-6.
+# A curve that is lost, or whose events are in doubt, is followed once more at the accuracy asked times this. With it
+# the contacts of tests/test_random_contacts.py that fail at 1e-4 are complete.
 RETRY_FACTOR = 0.01
-# Errors that rows have whatever is asked, at μ_T from 1/12 to 13: closer to a fold they do not tell on which side a
-# value lies, and rows are made finer.
+# Largest error estimate of rows, times two, of exponential and Gauss laws at μ_T = 1/12, 1, 4 and 13 traced to 1e-6 or
+# better: closer to a fold such rows do not tell on which side of it a value lies.
 ORDINARY_ROWS = 3e-6
-# Rows that count themselves, as in integrals, are made as accurate as events, but no more accurate than this: below it
-# rounding in the residuals of stiff laws (μ_T = 100) adds more panels than accuracy.
+# Rows that count themselves, as in integrals along the curve, are as accurate as events, but no more than this: Newton
+# steps along a curve end at a relative residual of 1e-9 (`problem.STEPS`).
 FINEST_ROWS = 1e-9
-# True errors of rows were found below this multiple of their estimates (one Newton step on a finer discretisation).
+# Error estimates of rows come from one Newton step on a finer discretisation, which has an error of its own.
 ROW_SAFETY = 3.0
-# A curve is continued beyond the value of a fold by this, for the state that a path jumps to lies on it. Rows' errors
-# at the coarsest accuracy, 1e-2, are smaller.
+# A path needs the curve beyond the value of the fold that it jumps from by this, as far as rows at the coarsest
+# accuracies may be off; tests/test_hysteresis.py has loops whose curves are continued.
 LANDING_MARGIN = 1e-3
-# Quadrature error of a piece of path; paths of some ten pieces are then integrated as accurately as their events are.
+# Quadrature error allowed to a piece of path, as a share of the accuracy: areas of loops then equal the energies that
+# the jumps dissipate to the accuracy (tests/test_hysteresis.py).
 QUADRATURE_SHARE = 0.1
 
 

@@ -18,9 +18,6 @@ from contbranch.curve.track import piece
 
 __all__ = ["Piece", "corner_work", "work_along"]
 
-# Most intervals between the nodes of a piece: 33 nodes integrate what 17 do not to rounding, or the piece is no arc.
-MOST_INTERVALS = 32
-
 
 @dataclass(frozen=True)
 class Piece:
@@ -62,14 +59,12 @@ class Piece:
         Load and displacement are polynomials through Chebyshev–Lobatto nodes, as in Clenshaw–Curtis quadrature; the
         number of intervals is doubled, which keeps the nodes there are.
         """
-        nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(MOST_INTERVALS + 1) / MOST_INTERVALS)
         known: dict[float, tuple[float, float]] = {}
         found = change = math.inf
-        intervals = 2
-        while intervals <= MOST_INTERVALS:
-            places = nodes[:: MOST_INTERVALS // intervals]
-            known |= {x: _held(self.point(x)) for x in places.tolist() if x not in known}
-            coefficients = dct([known[x] for x in places[::-1].tolist()], type=1, axis=0) / intervals
+        for intervals in (2, 4, 8, 16, 32):
+            places = (0.5 + 0.5 * np.cos(np.pi * np.arange(intervals + 1) / intervals)).tolist()
+            known |= {x: _held(self.point(x)) for x in places if x not in known}
+            coefficients = dct([known[x] for x in places], type=1, axis=0) / intervals
             coefficients[[0, -1]] /= 2.0
             displacement, load = coefficients.T  # of Chebyshev polynomials over -1 ... 1
             last, before = found, change
@@ -78,7 +73,6 @@ class Piece:
             # The rules converge geometrically, so the next change is smaller by the last ratio at least.
             if change * min(1.0, change / before if 0.0 < before < math.inf else 1.0) <= tolerance:
                 break
-            intervals *= 2
         return found
 
 
