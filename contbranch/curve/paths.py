@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -167,9 +168,12 @@ class CurveWalk:
         """
         onward = self.track.onward
         first = begin.place if begin.row is None else onward.get(begin.row, begin.place)
-        piece = begin.piece if begin.row is None else begin.row
         problem = equilibrium(first)
-        if piece in self.track.gaps or problem.cornered or not problem.joins(equilibrium(end.place)):
+        if (
+            math.floor(begin.position) in self.track.gaps
+            or problem.cornered
+            or not problem.joins(equilibrium(end.place))
+        ):
             return [first, end.place]
         return [Piece(*linked(first, end.place), (begin.row in onward, end.row in onward))]
 
@@ -177,9 +181,8 @@ class CurveWalk:
         """∫ F dd along the curve from one stop to another; the change of energy where it is not found between rows."""
         if begin.position > end.position:
             return -self.work(end, begin)
-        first = (begin.piece if begin.row is None else begin.row) + 1
-        row = end.piece + 1 if end.row is None else end.row
-        stops = [begin, *(self.stop(row) for row in range(first, row)), end]
+        row = math.ceil(end.position)
+        stops = [begin, *map(self.stop, range(math.floor(begin.position) + 1, row)), end]
         if end.row in self.track.onward and not self.track.problem(row).joins(equilibrium(end.place)):
             stops.insert(-1, self.stop(row))  # a fold on the far side of a touch
         try:
