@@ -22,7 +22,6 @@ from contbranch.control import DISPLACEMENT, LOAD, Control, Spring, as_control
 from contbranch.curve.curves import Coexisting, FollowedCurves, Model, Route
 from contbranch.curve.loop import loop
 from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
-from contbranch.curve.paths import CurveWalk
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError, number_of
 from contbranch.models.choice import choose, curves
@@ -307,7 +306,7 @@ def hysteresis(
     with _watched(progress, time_limit) as watch:
         asked = _ask(contact, control, accuracy, model)
         request = replace(asked.request, target=_limit(contact, max_load))
-        route = asked.answer(partial(asked.curves.path, request), Route(CurveWalk.empty(asked.request.control)))
+        route = asked.answer(partial(asked.curves.path, request), Route())
         curve = route.curve
         asked.refuse_below(request, curve)
         route = replace(route, message=asked.noted(route.message, curve))

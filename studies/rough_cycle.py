@@ -137,7 +137,7 @@ def indices(cycle: Cycle, count: int) -> list[tuple[int, int, bool]]:
 
     Rows are taken in the middle between folds: the longest such parts, as many unstable ones as stable ones.
     """
-    folds = [0, *sorted(cycle.walk.folds()), len(cycle.curve.load) - 1]
+    folds = [0, *sorted(cycle.walk.folds), len(cycle.curve.load) - 1]
     parts = sorted(pairwise(folds), key=lambda pair: pair[0] - pair[1])
     unstable = cycle.walk.unstable
     longest = [pair for pair in parts if unstable[pair[0]] == 0][: count // 2]
@@ -273,7 +273,7 @@ def _curve(axes: Axes, cycle: Cycle) -> None:
 
 def report(cycle: Cycle, checked: int, steps: int) -> Iterator[str]:
     """What was measured, line by line."""
-    curve, folds = cycle.curve, cycle.walk.folds()
+    curve, folds = cycle.curve, cycle.walk.folds
     loads = sum(event.kind == "fold" and event.control == "load" for event in curve.events)
     ups = sum(jump.direction > 0 for jump in cycle.jumps)
     yield f"nodes: {cycle.problem.setup.grid}²; {curve.message or 'complete'}"

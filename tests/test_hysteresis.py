@@ -17,9 +17,10 @@ from contbranch.continuation import CorrectionError, Outcome
 from contbranch.control import as_control
 from contbranch.curve import curves, paths
 from contbranch.curve.curves import FollowedCurves
-from contbranch.curve.quasi_static import quasi_static
+from contbranch.curve.quasi_static import Stop, quasi_static
 from contbranch.curve.trace import Request
 from contbranch.errors import ModelError
+from contbranch.results.diagram import State
 
 LAMBDA = (2 * math.pi / 9) ** (1 / 3)
 """Reduced Tabor coefficient for Maugis' λ = 1, (43) with its misprint corrected."""
@@ -211,8 +212,8 @@ def test_relaxation_ends_where_energies_say_it_must(law, tabor, sign, control):
     assert len(jumps) == 2
     for jump in jumps:
         assert jump.others == ()
-        assert walk.relaxed(jump.begin, [jump.end]) is jump.end
-    assert walk.notes == []
+        assert walk.relaxed(jump.begin, [jump.end], jump.direction) is jump.end
+    assert walk.assumed == []
 
 
 def test_what_the_path_jumps_to_is_traced_however_far_it_is():
@@ -237,7 +238,7 @@ def test_a_loop_whose_curve_ends_before_a_jump_does_is_incomplete(monkeypatch):
 class Blind(paths.CurveWalk):
     """A walk along a curve that finds no landing."""
 
-    def crossing(self, piece, value):
+    def crossing(self, *_):
         raise ModelError("no state was found")
 
 
@@ -324,7 +325,7 @@ def test_work_where_nothing_is_found_between_rows_is_the_change_of_energy(monkey
 def test_a_path_that_loses_its_stability_where_no_fold_is_known_ends_there(monkeypatch):
     """It is not closed, as one would be whose curve ends there."""
     contact = cb.Contact.reduced("gauss", tabor=2.5)
-    monkeypatch.setattr(paths.CurveWalk, "_folds", {})
+    monkeypatch.setattr(paths.CurveWalk, "folds", {})
     loop = cb.hysteresis(contact, "displacement", accuracy=1e-4)
     assert (loop.status, loop.closed, loop.dissipated, loop.jumps) == ("incomplete", False, None, ())
     told = re.search(r"stability is lost next to load (\S+), displacement (\S+) \(reduced\)", loop.message)
@@ -335,15 +336,14 @@ def test_a_path_that_loses_its_stability_where_no_fold_is_known_ends_there(monke
 def test_a_path_may_end_where_what_is_controlled_rests(last, why):
     """As a load beyond the end of a finite law does: no fold is needed there."""
     walk = SimpleNamespace(
-        folds=dict,
-        follows=False,
+        folds={},
         unstable=np.array([0, 0, 1]),
         rising=np.array([1, 1, 1]),
         values=np.array([0.0, 1.0, 2.0, last]),
-        row=lambda row: SimpleNamespace(load=float(row), displacement=0.0),
+        stop=lambda row: Stop(min(row, 2), State(float(row), *(0.0,) * 4, 0, 0, 0.0), row=row),
     )
     legs, jumps, failed = quasi_static(walk)
-    assert (legs[0].rows, jumps) == ((0, 1, 2), [])
+    assert ([stop.row for stop in legs[0].stops], jumps) == ([0, 1, 2], [])
     assert why in failed
     assert bool(why) == bool(failed)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.curve.naming import thresholds
+from contbranch.curve.naming import threshold_events
 
 # Pull-off over 2πRγ by the Tabor coefficient: 600 rings, an independent program.
 PULL_OFF = {0.5: 0.89374, 1.0: 0.83533, 2.0: 0.79180, 3.0: 0.77552}
@@ -120,5 +120,6 @@ def test_of_folds_with_one_name_the_outermost_counts_wherever_it_is_on_the_curve
     inner = [fold("jump-in", 3.0), fold("pull-off", 2.0)]
     outer = [fold("jump-in", -1.0), fold("pull-off", -2.0)]
     for events in (inner + outer, outer + inner):
-        found = thresholds(events, repulsive=False)
-        assert (found["jump_in_displacement"], found["pull_off_displacement"]) == (-1.0, -2.0)
+        found = threshold_events(events, repulsive=False)
+        places = [found[f"{name}_displacement"][0].displacement for name in ("jump_in", "pull_off")]
+        assert places == [-1.0, -2.0]

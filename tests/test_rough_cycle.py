@@ -27,8 +27,7 @@ def test_cycle_closes_and_dissipates(cycle: rough_cycle.Cycle) -> None:
     # the work done around the loop, from loads and displacements alone: ∫ F dd along the legs, none in the jumps
     work = 0.0
     for leg in cycle.legs:
-        first = leg.begin if leg.begin is not None else cycle.walk.stop(leg.rows[0])
-        last = leg.end if leg.end is not None else cycle.walk.stop(leg.rows[-1])
+        first, last = leg.begin, leg.end
         d = np.linspace(first.state.displacement, last.state.displacement, 2)
         assert leg.direction * (d[1] - d[0]) >= 0.0
         work += cycle.walk.work(first, last)

@@ -1,4 +1,4 @@
-"""What is asked of a contact's curve, and what any model's equilibrium problem answers."""
+"""The curve of a contact by a model: traced, asked for states, and followed as a quasi-static path."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.find import disconnected
 from contbranch.curve.outcome import RawCurve, no_curve, not_followed, state_in_units
 from contbranch.curve.paths import CurveWalk
-from contbranch.curve.problem import ROW_SAFETY, EquilibriumProblem
-from contbranch.curve.quasi_static import Jump, Leg, Stop, quasi_static
+from contbranch.curve.problem import EquilibriumProblem
+from contbranch.curve.quasi_static import Jump, Leg, quasi_static
 from contbranch.curve.refine import Found
 from contbranch.curve.rows import raw_curve
 from contbranch.curve.solve import CONTROLS, Crossing, crossings, state_apart, state_on
+from contbranch.curve.tolerances import FINEST_ROWS, LANDING_MARGIN, ORDINARY_ROWS, RETRY_FACTOR, of_rows
 from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.errors import InputError, ModelError
@@ -31,20 +32,19 @@ from contbranch.results.diagram import Cost, State
 from contbranch.results.record import OBSERVABLES
 from contbranch.watch import over
 
-__all__ = ["Coexisting", "FollowedCurves", "Model", "Route", "landed"]
+__all__ = ["Coexisting", "FollowedCurves", "Model", "Route"]
 
-# A curve is continued until what a path jumps to lies on it: beyond the fold's value by this share, and as often.
-BEYOND, EXTENSIONS = 1e-3, 8
-# The rows of a path count themselves, in integrals along it: they are as accurate as the events, down to this. So are
-# those that tell whether a value so close to a fold, relative to max(1, |value|), is passed.
-FINE, BESIDE = 1e-9, 3e-6
-# A curve that is lost, or in doubt, is followed again at this share of the accuracy.
-FINER = 0.01
-# A curve goes on beyond a value asked for by this share.
-PAST = 1e-9
-# Curves on which states were looked for that are kept, since the next state asked for is often one of the same contact,
-# and rows above which they take too much memory for that.
-RECENT, LONGEST = 2, 300
+# How often a curve is continued until what a path jumps to lies on it.
+EXTENSIONS = 8
+# The last curve on which states were looked for is kept, since the next state asked for is often one of the same
+# contact, unless it has more rows than this and takes too much memory.
+MOST_ROWS_KEPT = 300
+# What is said of jumps whose ends are not certain.
+ASSUMED = (
+    "After the fold at {} the path goes on at the next stable state along the curve ({}): the relaxation was not "
+    "followed there, and energies along the curve do not exclude that it ends at another one, see `others` of the jump."
+)
+OFF_CURVE = "The relaxation from the fold at {} ends in a state that is not on the traced curve ({})."
 _recent: dict[tuple[Any, ...], Track] = {}
 Reading = TypeVar("Reading", Track, RawCurve)
 
@@ -88,7 +88,7 @@ class Coexisting:
     searched : str
         Whether there are others, as the end of a sentence.
     excess : float
-        Largest error of a state in units of what is allowed, unless the discretisation is given; 0 without states.
+        Largest error of a state in units of what is allowed; 0 without states, or where the discretisation is given.
     """
 
     states: tuple[State, ...] = ()
@@ -117,7 +117,7 @@ class Route:
     message : str
     """
 
-    walk: CurveWalk
+    walk: CurveWalk = field(default_factory=CurveWalk)
     legs: Sequence[Leg] = ()
     jumps: Sequence[Jump] = ()
     curve: RawCurve = field(default_factory=no_curve)
@@ -152,11 +152,11 @@ class FollowedCurves:
         """The first problem of the curve."""
         return self.model.problem(self.reduced, request.accuracy)
 
-    def track(self, request: Request, tolerance: float | None = None) -> Track:
-        """The curve with the problems that solved its rows, these within a tolerance if one is given."""
-        return self._read(request, lambda track: track, tolerance)
+    def track(self, request: Request) -> Track:
+        """The curve with the problems that solved its rows."""
+        return self._read(request, lambda track: track)
 
-    def _read(self, request: Request, read: Callable[[Track], Reading], tolerance: float | None = None) -> Reading:
+    def _read(self, request: Request, read: Callable[[Track], Reading]) -> Reading:
         """What is read off the curve.
 
         Where it is lost, or what is read of all of it is in doubt, it is followed once more with finer discretisations,
@@ -164,37 +164,34 @@ class FollowedCurves:
         """
 
         def followed(accuracy: float) -> Track:
-            problem = self.model.problem(self.reduced, accuracy)
-            return trace(problem if tolerance is None else problem.rows_within(tolerance), request)
+            return trace(self.model.problem(self.reduced, accuracy), request)
 
-        track, finer = followed(request.accuracy), FINER * request.accuracy
-        once = not track.points or track.problem(0).given or finer < FINEST or bool(not_followed(self.contact))
-        first = None if track.lost and not (once or over()) else read(track)
-        if first is not None and (once or over() or not first.doubtful):
+        track, finer = followed(request.accuracy), RETRY_FACTOR * request.accuracy
+        first = read(track)
+        failed = track.points and (track.lost or first.doubtful)
+        if not failed or finer < FINEST or not_followed(self.contact) or over():
             return first
         again = read(followed(finer))
-        what = "The curve was lost" if track.lost else "Its events are in doubt"
         if again.complete:
+            what = "The curve was lost" if track.lost else "Its events are in doubt"
             return replace(again, message=f"{what} at this accuracy, but not at {finer:g}. {again.message}".strip())
-        first = read(track) if first is None else first
         too = "At a hundredth of the accuracy it is incomplete, too: ask for less."
         return first if over() else replace(first, message=f"{first.message} {too}")
 
-    def recent(self, request: Request, tolerance: float | None = None) -> Track:
-        """The same, not followed anew if it was among the last ones.
+    def recent(self, request: Request) -> Track:
+        """The curve, not followed anew if it was the last one.
 
         What is done with it leaves no trace: numbers do not depend on what was asked before.
         """
         parts = (self.model, self.contact.tip, *terms_of(self.contact.interaction))
-        if not all(type(part).__module__.startswith("contbranch.") for part in parts):  # others need not stay the same
-            return self.track(request, tolerance)
-        key = (self.model, self.reduced, request, tolerance)
-        track = _recent.pop(key, None) or self.track(request, tolerance)
-        if over() or not 0 < len(track.points) < LONGEST or track.problem(0).given:  # grids take too much memory, too
+        if not all(type(part).__module__.startswith("contbranch.") for part in parts):  # others may change
+            return self.track(request)
+        key = (self.model, self.reduced, request)
+        track = _recent.get(key) or self.track(request)
+        if over() or not 0 < len(track.points) < MOST_ROWS_KEPT:
             return track
+        _recent.clear()
         _recent[key] = track
-        for old in list(_recent)[:-RECENT]:
-            _recent.pop(old, None)
         return deepcopy(track, {id(control): control for control in (LOAD, DISPLACEMENT)})
 
     def solve(self, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
@@ -211,8 +208,7 @@ class FollowedCurves:
         if not found and not track.complete and not over():
             own = value * self.contact.scales.of_fields[field]
             raise ModelError(f"{field}: the curve ends before {own:.6g} is reached. {track.message}")
-        states = tuple(state_on(track, one, {field: value}) for one in found)
-        return _coexisting(track, request, field, states, (True,) * len(states))
+        return _coexisting(track, request, field, [(state_on(track, one, {field: value}), True) for one in found])
 
     def find_all(self, request: Request, field: str, value: float, window: tuple[float, float] | None) -> Coexisting:
         """Equilibria with a load or displacement: on the curve, and off it where the problem offers a search."""
@@ -223,42 +219,46 @@ class FollowedCurves:
             solved = [value] if field == "displacement" else [one.found.numbers[1] for one in known]
             reached = [*curve.displacement, *solved] or [0.0]
             window = (float(min(reached)), float(max(reached)))
+        searched = track.problem(0).complete_by if track.points else ""
         others: list[Found] | None = []
-        searched = ""
-        if len(track.points) > 1:
-            searched = track.problem(0).complete_by
+        if len(track.points) > 1 and not searched and not over():
             held = LOAD if field == "load" else DISPLACEMENT
-            others = [] if searched or over() else disconnected(track, known, held, value, request.accuracy)
-        given = {field: value}
-        states = [state_on(track, one, given) for one in known]
-        states += [state_apart(one, track.controls, given) for one in others or ()]
-        kept = [(s, k < len(known)) for k, s in enumerate(states) if window[0] <= s.displacement <= window[1]]
-        apart = sum(not joined for _, joined in kept)
+            others = disconnected(track, known, held, value, request.accuracy)
+        states = [(state_on(track, one, {field: value}), True) for one in known]
+        states += [(state_apart(one, track.controls, {field: value}), False) for one in others or ()]
+        inside = [(state, joined) for state, joined in states if window[0] <= state.displacement <= window[1]]
+        apart = sum(not joined for _, joined in inside)
         if others is None:
             searched = "others were not looked for off the curve"
+        elif apart:
+            searched = f"{apart} not connected to the curve"
         elif not searched:
-            none = "the search off the curve " + ("was not finished" if over() else "found no other")
-            searched = f"{apart} not connected to the curve" if apart else none
-        found = _coexisting(track, request, field, tuple(s for s, _ in kept), tuple(joined for _, joined in kept))
+            searched = "the search off the curve " + ("was not finished" if over() else "found no other")
+        found = _coexisting(track, request, field, inside)
         return replace(found, complete=curve.complete, message=curve.message, window=window, searched=searched)
 
     def path(self, request: Request) -> Route:
         """The quasi-static path under a control."""
-        control, tolerance = request.control, max(FINE, request.accuracy) / ROW_SAFETY
-        request, landings = replace(request, modes=0), dict[Hashable, int | None]()
+        control, landings = request.control, dict[Hashable, int | None]()
+        request = replace(request, modes=0, fine=True)
         for _ in range(EXTENSIONS):
-            track = self.track(request, tolerance)
+            track = self.track(request)
             curve = raw_curve(track, request)
-            walk = CurveWalk(track, curve.events, control, request.accuracy, landings=landings)
+            walk = CurveWalk(track, curve.events, control, request.accuracy, landings)
             legs, jumps, failed = quasi_static(walk) if len(track.points) > 1 else ([], [], "")
-            lost = [jump for jump in jumps if jump.end is None and jump.direction > 0]
-            if not (lost and curve.complete) or walk.astray or failed or over():
+            endless = [jump for jump in jumps if jump.end is None and jump.direction > 0]
+            if not (endless and curve.complete) or walk.off_curve or failed or over():
                 break
-            value = control.of(lost[0].begin.state)
-            request = replace(request, target=value + BEYOND * max(1.0, abs(value)), held=control)
-        notes = [landed(self.contact, *note) for note in walk.notes]
-        notes += [left(self.contact, *one) for one in walk.astray]
-        complete = curve.complete and not (walk.astray or failed or lost)
+            value = control.of(endless[0].begin.state)
+            request = replace(request, target=value + LANDING_MARGIN * max(1.0, abs(value)), held=control)
+
+        def place(state: State) -> str:
+            own = state_in_units(self.contact, state)
+            return f"load {own.load:.6g}, displacement {own.displacement:.6g}"
+
+        notes = [ASSUMED.format(place(fold.state), place(end.state)) for fold, end in walk.assumed]
+        notes += [OFF_CURVE.format(place(fold.state), place(state)) for fold, state in walk.off_curve]
+        complete = curve.complete and not (walk.off_curve or failed or endless)
         return Route(walk, legs, jumps, curve, complete, " ".join([curve.message, *notes, failed]).strip())
 
     def _crossings(self, request: Request, field: str, value: float) -> tuple[Track, list[Crossing]]:
@@ -272,46 +272,27 @@ class FollowedCurves:
         control: Control | None = CONTROLS[field]
         if control is None and not 0 < value < self.reduced.axisymmetric_tip.extent:
             raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")
-        request = replace(request, events=False, modes=0)
+        request, accuracy = replace(request, events=False, modes=0), request.accuracy
         track = self.recent(request)
         if track.complete and not over() and value > track.column(field)[-1]:
-            request = replace(request, target=value + PAST * abs(value), held=control)
-            track = self.recent(request)
+            request = replace(request, target=value + FINEST_ROWS * abs(value), held=control)
+            track = self.track(request)
         folds = (m.point.observables[field] for m in track.marks if m.kind == "fold" and m.control == control)
-        beside = any(abs(fold - value) <= BESIDE * max(1.0, abs(value)) for fold in folds)
-        if beside and request.accuracy < BESIDE and not over():
-            problem, tolerance = self.problem(request), max(FINE, request.accuracy) / ROW_SAFETY
-            if problem.rows_within(tolerance) is not problem:
-                track = self.recent(request, tolerance)
-        return track, crossings(track, field, value, request.accuracy)
+        near = ORDINARY_ROWS * max(1.0, abs(value))
+        if accuracy < ORDINARY_ROWS and any(abs(fold - value) <= near for fold in folds) and not over():
+            problem = self.problem(request)
+            if problem.rows_within(of_rows(accuracy)) is not problem:
+                track = self.track(replace(request, fine=True))
+        return track, crossings(track, field, value, accuracy)
 
 
-def _coexisting(
-    track: Track, request: Request, field: str, states: tuple[State, ...], connected: tuple[bool, ...]
-) -> Coexisting:
+def _coexisting(track: Track, request: Request, field: str, states: Sequence[tuple[State, bool]]) -> Coexisting:
+    """States and whether they are connected, with what is to be said of the curve."""
     column = track.column(field)
     if field == "contact_radius":  # it begins at first touch, or with a ring
         column = np.array([a for k, (a, b) in enumerate(pairwise(column)) if b > 0 and k not in track.gaps])
-    lowest = float(column.min(initial=float("inf")))
-    off = [state.error[name] / max(1.0, abs(getattr(state, name))) for state in states for name in OBSERVABLES]
-    excess = 0.0 if not off or track.problem(0).given else max(off) / request.accuracy
-    return Coexisting(states, connected, lowest, track.work.cost(), track.work.unknowns, excess=excess)
-
-
-def left(contact: Contact, fold: Stop, end: State) -> str:
-    """A sentence on a relaxation that has left the curve, in the contact's units."""
-    begin, after = state_in_units(contact, fold.state), state_in_units(contact, end)
-    return (
-        f"The relaxation from the fold at load {begin.load:.6g}, displacement {begin.displacement:.6g} ends in a "
-        f"state that is not on the traced curve (load {after.load:.6g}, displacement {after.displacement:.6g})."
-    )
-
-
-def landed(contact: Contact, fold: Stop, end: Stop) -> str:
-    """A sentence on a landing that was not followed, in the contact's units."""
-    begin, after = state_in_units(contact, fold.state), state_in_units(contact, end.state)
-    return (
-        f"After the fold at load {begin.load:.6g} the path goes on at the next stable state along the curve (load "
-        f"{after.load:.6g}, displacement {after.displacement:.6g}): the relaxation was not followed there, and "
-        "energies along the curve do not exclude that it ends at another one, see `others` of the jump."
-    )
+    lowest = float(column.min(initial=math.inf))
+    found, connected = tuple(state for state, _ in states), tuple(joined for _, joined in states)
+    off = [state.error[name] / max(1.0, abs(getattr(state, name))) for state in found for name in OBSERVABLES]
+    excess = max(off, default=0.0) / request.accuracy
+    return Coexisting(found, connected, lowest, track.work.cost(), track.work.unknowns, excess=excess)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,11 +12,17 @@ from contbranch.contact.interaction_law import WEAK, terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction, Layered, Tabulated
 from contbranch.results.diagram import Event
 
-__all__ = ["fold_name", "number_layers", "signs_of", "threshold_events", "thresholds"]
+__all__ = ["fold_name", "number_layers", "signs_of", "threshold_events"]
 
 # Folds at which a control has a maximum along the curve, and a minimum.
 MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
 ATTRACTIVE = (MAXIMA[1], MINIMA[1])
+# Thresholds by the control whose folds they are: the end of the name, and the quantity.
+THRESHOLDS = {
+    "load": {"load": "load", "radius": "contact_radius"},
+    "displacement": {"displacement": "displacement", "displacement_radius": "contact_radius"},
+    "spring": {"spring_load": "load", "spring_displacement": "displacement", "spring_radius": "contact_radius"},
+}
 
 
 def fold_name(signs: tuple[bool, bool], control: str | None, load: float, lost_on_increase: bool) -> str:
@@ -66,32 +73,17 @@ def number_layers(
     where displacement control is unstable, too: they bear the number of the load's. Maxima (``squeeze-out``,
     ``jump-in``) and minima (``wetting`` or, where the load is negative, ``pull-off``) are counted apart.
     """
+    groups = {k: MAXIMA if name in MAXIMA else MINIMA for k, name in enumerate(names) if name in MAXIMA + MINIMA}
+    most = max(Counter((group, controls[k]) for k, group in groups.items()).values(), default=0)
     numbered = list(names)
-    if not any(isinstance(term, Layered) for term in terms_of(interaction)):
+    if most < 2 or not any(isinstance(term, Layered) for term in terms_of(interaction)):
         return numbered
-    groups = {group: [k for k, name in enumerate(names) if name in group] for group in (MAXIMA, MINIMA)}
-    by_load = {group: [k for k in members if controls[k] == "load"] for group, members in groups.items()}
-    counts = [sum(controls[k] == c for k in members) for members in groups.values() for c in set(controls)]
-    if max(counts, default=0) < 2:
-        return numbered
-    for group, members in groups.items():
-        layers = {k: number for number, k in enumerate(reversed(by_load[group]), start=1)}
-        alone = {k: number for number, k in enumerate(reversed(members), start=1)}
-        for k in members:
-            if k in layers:
-                number = layers[k]
-            elif not layers:
-                number = alone[k]
-            else:
-                side = [j for j in layers if (j < k) == (group is MAXIMA)]
-                number = layers[min(side or layers, key=lambda j, k=k: abs(j - k))]
-            numbered[k] = f"{names[k]}-{number}"
+    for k, group in groups.items():
+        alike = [j for j in groups if groups[j] is group]
+        layers = [j for j in alike if controls[j] == "load"] or alike
+        number = sum(j > k for j in layers) + (group is MAXIMA or k in layers)
+        numbered[k] = f"{names[k]}-{min(max(number, 1), len(layers))}"
     return numbered
-
-
-def thresholds(events: Sequence[Event], repulsive: bool) -> dict[str, float]:
-    """Named loads, displacements and radii of a diagram's events; no key for what does not exist."""
-    return {name: getattr(event, key) for name, (event, key) in threshold_events(events, repulsive).items()}
 
 
 def threshold_events(events: Sequence[Event], repulsive: bool) -> dict[str, tuple[Event, str]]:
@@ -102,32 +94,25 @@ def threshold_events(events: Sequence[Event], repulsive: bool) -> dict[str, tupl
     and a displacement.
     """
     found: dict[str, tuple[Event, str]] = {}
-    outer = {"load": ("pull-off", "squeeze-out", "wetting"), "displacement": ATTRACTIVE, "spring": MAXIMA + MINIMA}
-    for control, with_radius in outer.items():
+    folds = [event for event in events if event.kind == "fold" and event.name]
+    for control, quantities in THRESHOLDS.items():
         for name in ("pull-off", "jump-in", "squeeze-out", "wetting"):
-            named = [e for e in events if e.kind == "fold" and e.control == control and _base(e.name) == name]
-            if not named or (name == "jump-in" and control == "load"):
+            named = [e for e in folds if e.control == control and e.name and e.name.rstrip("-0123456789") == name]
+            if not named or (control == "load" and name == "jump-in"):
                 continue
-            key, spring = name.replace("-", "_"), control == "spring"
-            quantity = "displacement" if spring else control
-            outermost = (max if name == "squeeze-out" else min)(named, key=operator.attrgetter(quantity))
-            if spring:
-                key += "_spring"
-                found[f"{key}_load"] = outermost, "load"
-            found[f"{key}_{quantity}"] = outermost, quantity
-            if outermost.contact_radius > 0 and name in with_radius:
-                radius = "displacement_radius" if control == "displacement" else "radius"
-                found[f"{key}_{radius}"] = outermost, "contact_radius"
-    touches = [e for e in events if e.kind == "touch"]
-    if touches:
-        found["touch_load"], found["touch_displacement"] = (touches[0], "load"), (touches[0], "displacement")
-        for control in ("load", "displacement") if repulsive else ():
-            if not any(e.kind == "fold" and e.control == control for e in events):
-                for name in ("squeeze_out", "wetting"):
-                    found[f"{name}_{control}"] = found[f"touch_{control}"]
+            held = operator.attrgetter("load" if control == "load" else "displacement")
+            event = max(named, key=held) if name == "squeeze-out" else min(named, key=held)
+            touching = event.contact_radius > 0 and (control != "displacement" or name in ATTRACTIVE)
+            for suffix, quantity in quantities.items():
+                if touching or quantity != "contact_radius":
+                    found[f"{name.replace('-', '_')}_{suffix}"] = event, quantity
+    touch = next((event for event in events if event.kind == "touch"), None)
+    if touch is not None:
+        controls = ("load", "displacement")
+        found |= {f"touch_{control}": (touch, control) for control in controls}
+        folded = {event.control for event in events if event.kind == "fold"}
+        continuous = [control for control in controls if repulsive and control not in folded]
+        found |= {
+            f"{name}_{control}": (touch, control) for control in continuous for name in ("squeeze_out", "wetting")
+        }
     return found
-
-
-def _base(name: str | None) -> str | None:
-    """A fold's name without the number of its layer."""
-    return name.rstrip("0123456789").rstrip("-") if name else None

@@ -6,7 +6,7 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,37 +17,21 @@ from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.law_check import jumping
 from contbranch.contact.tips import Parabola
 from contbranch.contact.units import Scales
-from contbranch.continuation import CorrectionError, Point
+from contbranch.continuation import CorrectionError
 from contbranch.control import Control, Spring, as_control
 from contbranch.curve.naming import fold_name, number_layers, signs_of, threshold_events
-from contbranch.curve.problem import EquilibriumProblem
+from contbranch.curve.problem import equilibrium
 from contbranch.errors import InputError
-from contbranch.results.diagram import (
-    Branch,
-    Cost,
-    Diagram,
-    Event,
-    Exponent,
-    LocalExponent,
-    ModelChoice,
-    State,
-)
+from contbranch.results.diagram import Branch, Cost, Diagram, Event, Exponent, LocalExponent, ModelChoice, State
 from contbranch.results.profile import CellFields, ModeShape, Profile
 from contbranch.results.record import OBSERVABLES, Record, later
 from contbranch.threads import one_thread
 from contbranch.watch import over
 
 __all__ = [
-    "RawCurve",
-    "RawEvent",
-    "assemble",
-    "fold_names",
-    "measured",
-    "no_curve",
-    "not_followed",
-    "state_in_reduced",
-    "state_in_units",
-]
+    "RawCurve", "RawEvent", "assemble", "fold_names", "measured", "no_curve", "not_followed", "state_in_reduced",
+    "state_in_units", "unit_of_control",
+]  # fmt: skip
 
 # Tabor coefficients below which curves of repulsion and of attraction are followed to their end.
 STIFFEST = 128, 1000
@@ -76,8 +60,6 @@ class RawEvent:
         Where the model has it, from which it can be followed; None if it cannot.
     margin : str
         Of the place's problem, which vanishes there; empty for a fold, and where its parameter is known.
-    point : object
-        The point of the curve, where the model has it but cannot follow it.
     exponent, local_exponent : callable
         Deferred, since they cost further solutions.
     verdict : str or None
@@ -97,7 +79,6 @@ class RawEvent:
     stiffness: float | None = None
     place: Any = None
     margin: str = ""
-    point: Any = None
     position: float | None = None
     mode: int | None = None
     index: int = 1
@@ -175,35 +156,72 @@ def measured(values: Sequence[float], scales: Scales) -> dict[str, Any]:
 
 
 def in_units(record: Kind, scales: Scales, convert: Callable[[Any, float], Any] = operator.mul) -> Kind:
-    """A record with all its quantities in a contact's units; or, with division, in reduced ones."""
+    """A record with all its quantities, and those of what it holds, in a contact's units; with division, in reduced."""
     units = scales.of_fields
-    held = {item.name: getattr(record, item.name) for item in fields(record) if item.name in units}
-    return replace(record, **{name: convert(value, units[name]) for name, value in held.items() if value is not None})
+
+    def converted(name: str, value: Any) -> Any:
+        if isinstance(value, Record):
+            return in_units(value, scales, convert)
+        if isinstance(value, Mapping):
+            return {key: converted(key, one) for key, one in value.items()}
+        if isinstance(value, tuple | list):
+            return [converted(name, one) for one in value]
+        if callable(value):
+            return lambda: converted(name, value())
+        return value if value is None or name not in units else convert(value, units[name])
+
+    held = {item.name: record.__dict__[item.name] for item in fields(record)}
+    return replace(record, **{name: converted(name.removesuffix("_error"), value) for name, value in held.items()})
 
 
-def _made(make: Callable[[], Kind], scales: Scales) -> Kind:
-    return in_units(make(), scales)
+def state_in_units(contact: Contact, state: State) -> State:
+    """A reduced state in the contact's own units."""
+    return in_units(state, contact.scales)
+
+
+def state_in_reduced(contact: Contact, state: State) -> State:
+    """A state of a contact in reduced units, with its fields on a cell but no others; a start for a grid model."""
+    return in_units(replace(state, error={}, profile=None), contact.scales, operator.truediv)
+
+
+def unit_of_control(scales: Scales, control: str | None) -> float:
+    """Unit of what is controlled: the position of a spring's end is a length."""
+    return scales.load if control in (None, "load") else scales.normal
 
 
 def _exponent(scales: Scales, exponent: Exponent | None, control: str | None) -> Exponent | None:
     if exponent is None:
         return None
-    scale, order = _driven(scales, control), scales.of_fields[exponent.order_parameter]
+    unit, order = unit_of_control(scales, control), scales.of_fields[exponent.order_parameter]
     window, crossover, prefactor = exponent.window, exponent.crossover_load, exponent.prefactor
     if window is not None:
-        amplitude = window.prefactor * order / scale**window.kappa
-        window = replace(window, start=window.start * scale, stop=window.stop * scale, prefactor=amplitude)
+        amplitude = window.prefactor * order / unit**window.kappa
+        window = replace(window, start=window.start * unit, stop=window.stop * unit, prefactor=amplitude)
     return replace(
         exponent,
-        crossover_load=None if crossover is None else crossover * scale,
+        crossover_load=None if crossover is None else crossover * unit,
         window=window,
-        prefactor=None if prefactor is None else prefactor * order / scale**exponent.kappa,
+        prefactor=None if prefactor is None else prefactor * order / unit**exponent.kappa,
     )
 
 
-def _driven(scales: Scales, control: str | None) -> float:
-    """Unit of what is controlled: the position of a spring's end is a length."""
-    return scales.load if control in (None, "load") else scales.normal
+def _local_exponent(scales: Scales, raw: RawEvent, name: str) -> LocalExponent:
+    """The local exponent of an event.
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    """
+    if raw.local_exponent is None:
+        raise InputError(f"event: this {name} has no exponent: it is a corner, or nodes' own")
+    found = raw.local_exponent()
+    order = "contact_radius" if raw.values[2] > 0 or raw.kind == "touch" else "central_gap"
+    return replace(
+        found,
+        excess=found.excess * unit_of_control(scales, raw.control),
+        order_parameter=found.order_parameter * scales.of_fields[order],
+    )
 
 
 def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]:
@@ -218,22 +236,19 @@ def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]
     return number_layers(names, [raw.control for raw in events], contact.interaction)
 
 
-def _event(contact: Contact, raw: RawEvent, name: str | None, model: str) -> Event:
+def _event(contact: Contact, raw: RawEvent, name: str | None, branch: int, model: str) -> Event:
     scales, shape, source = contact.scales, raw.mode_shape, raw.exponent
     if shape is not None:
         slope = scales.pressure / scales.normal
         shape = replace(shape, r=shape.r * scales.in_plane, pressure=shape.pressure * slope)
     return Event(
-        kind=raw.kind,  # type: ignore[arg-type]
+        **{key: getattr(raw, key) for key in ("kind", "control", "message", "mode", "verdict")},
         **measured(raw.values, scales),
         error=measured(raw.error, scales),
-        control=raw.control,
         name=name,
-        message=raw.message,
         stiffness=None if raw.stiffness is None else raw.stiffness * scales.stiffness,
+        branch=branch,
         position=float(raw.row) if raw.position is None else raw.position,
-        mode=raw.mode,
-        verdict=raw.verdict,
         mode_shape=shape,
         origin=None if raw.place is None else Origin(contact, raw, model),
         critical=None if source is None else one_thread(lambda: _exponent(scales, source(), raw.control)),
@@ -241,67 +256,39 @@ def _event(contact: Contact, raw: RawEvent, name: str | None, model: str) -> Eve
 
 
 def _branch(scales: Scales, curve: RawCurve) -> Branch:
-    units = scales.of_fields
-    seen = {name: getattr(curve, name) for name in (*OBSERVABLES, "energy", "contact_area", "contact_perimeter")}
-    observed: dict[str, Any] = {name: value * units[name] for name, value in seen.items() if value is not None}
-    return Branch(
-        **observed,
-        unstable_load=curve.unstable_load,
-        unstable_displacement=curve.unstable_displacement,
-        load_error=later(lambda: curve.errors[:, 0] * scales.load),
-        displacement_error=later(lambda: curve.errors[:, 1] * scales.normal),
-        profiles=[partial(_made, source, scales) for source in curve.profiles],
-        unstable_spring=curve.unstable_spring,
-        unstable_azimuthal=curve.unstable_azimuthal,
+    alike = {item.name for item in fields(Branch)} & {item.name for item in fields(RawCurve)}
+    reduced = Branch(
+        **{name: getattr(curve, name) for name in alike},
+        load_error=later(lambda: curve.errors[:, 0]),
+        displacement_error=later(lambda: curve.errors[:, 1]),
         critical_eigenvalue=curve.critical and later(one_thread(curve.critical)),
-        fft_pairs=curve.fft_pairs,
-        cells=[partial(_made, source, scales) for source in curve.cells],
     )
+    return in_units(reduced, scales)
 
 
 def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
     """The diagram of a curve: events named, thresholds collected, everything in the contact's own units."""
-    scales = contact.scales
-    names = fold_names(contact, curve.events)
-    named = zip(curve.events, names, strict=True)
-    events = tuple(_event(contact, raw, name, choice.kind) for raw, name in named)
-    raws = [*curve.events]
-    branches = [_branch(scales, curve)]
-    for number, other in enumerate(curve.others, start=1):
-        branches.append(_branch(scales, other))
-        raws += other.events
-        others = (_event(contact, raw, None, choice.kind) for raw in other.events)
-        events += tuple(replace(event, branch=number) for event in others)
+    curves = [curve, *curve.others]
+    names = [fold_names(contact, curve.events)]
+    names += [[None] * len(other.events) for other in curve.others]
+    raws = [(raw, name, k) for k, own in enumerate(curves) for raw, name in zip(own.events, names[k], strict=True)]
+    events = tuple(_event(contact, *raw, choice.kind) for raw in raws)
     repulsive = signs_of(contact.interaction) == (False, True)
-    told = threshold_events(events[: len(curve.events)], repulsive) if curve.complete or events else {}
-
+    named = threshold_events(events[: len(curve.events)], repulsive) if curve.complete or events else {}
     sampled: dict[int, LocalExponent] = {}
 
     @one_thread
     def local_exponents(event: Event) -> LocalExponent:
         number = events.index(event)
-        if number in sampled:
-            return sampled[number]
-        raw = raws[number]
-        if raw.local_exponent is None:
-            raise InputError(f"event: this {event.name or event.kind} has no exponent: it is a corner, or nodes' own")
-        raw_exponent = raw.local_exponent()
-        parameter = "contact_radius" if raw.values[2] > 0 or raw.kind == "touch" else "central_gap"
-        found = LocalExponent(
-            raw_exponent.excess * _driven(scales, raw.control),
-            raw_exponent.order_parameter * scales.of_fields[parameter],
-            raw_exponent.kappa,
-            raw_exponent.error,
-        )
-        if not over():  # what has ended early is sampled again
-            sampled[number] = found
-        return found
+        name = event.name or event.kind
+        found = sampled.get(number) or _local_exponent(contact.scales, raws[number][0], name)
+        return found if over() else sampled.setdefault(number, found)  # what has ended early is sampled again
 
     return Diagram(
         contact=contact,
-        branches=tuple(branches),
+        branches=tuple(_branch(contact.scales, own) for own in curves),
         events=events,
-        thresholds={name: getattr(event, key) for name, (event, key) in told.items()},
+        thresholds={name: getattr(event, key) for name, (event, key) in named.items()},
         model=choice,
         cost=curve.cost,
         control=control.kind,
@@ -312,7 +299,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
         description=contact.describe(),
         unit_names=contact.units.names,
         local_exponents=local_exponents,
-        sensitivities=later(one_thread(lambda: _sensitivities(contact, told, accuracy))),
+        sensitivities=later(one_thread(lambda: _sensitivities(contact, named, accuracy))),
     )
 
 
@@ -330,43 +317,25 @@ def not_followed(contact: Contact) -> str:
 
 
 def _sensitivities(
-    contact: Contact, told: Mapping[str, tuple[Event, str]], accuracy: float
+    contact: Contact, thresholds: Mapping[str, tuple[Event, str]], accuracy: float
 ) -> dict[str, dict[str, float]] | None:
     """Derivatives of the thresholds by parameter, in the contact's units, unknown where the curve cannot be followed
-    next to an event; None of lattices."""
+    next to an event; None where the model knows no other contacts on the same discretisation."""
     from contbranch.curve.sensitivity import Sensitivities
 
     sensitivities: Sensitivities | None = None
     known: dict[int, dict[str, dict[str, float]]] = {}
-    for event, _ in told.values():
-        place = event.origin.raw.place if isinstance(event.origin, Origin) else None
-        if not (isinstance(place, Point) and isinstance(place.problem, EquilibriumProblem)) or place.problem.given:
+    for event, _ in thresholds.values():
+        place = None if event.origin is None else event.origin.raw.place
+        if place is None or not equilibrium(place).has_family:
             return None
         if id(event) not in known:
             driven = event.control if event.stiffness is None else Spring(event.stiffness)
             control = None if driven is None else as_control(driven)
-            wanted = {key for other, key in told.values() if other is event}
+            wanted = {key for other, key in thresholds.values() if other is event}
             sensitivities = sensitivities or Sensitivities(contact, accuracy)
             try:
                 known[id(event)] = sensitivities.at(place, control, event.origin.raw.margin, wanted)
             except CorrectionError:
                 known[id(event)] = {key: dict.fromkeys(sensitivities.values, math.nan) for key in wanted}
-    return {name: known[id(event)][key] for name, (event, key) in told.items()}
-
-
-def state_in_units(contact: Contact, state: State) -> State:
-    """A reduced state in the contact's own units."""
-    scales, profile = contact.scales, state.profile
-    return replace(
-        in_units(state, scales),
-        error={name: value * scales.of_fields[name] for name, value in state.error.items()},
-        profile=None if profile is None else in_units(profile, scales),
-        in_cell=None if state.in_cell is None else lambda: in_units(state.cell, scales),
-    )
-
-
-def state_in_reduced(contact: Contact, state: State) -> State:
-    """A state of a contact in reduced units, with its fields on a cell but no others; a start for a grid model."""
-    scales, divide = contact.scales, operator.truediv
-    cell = None if state.in_cell is None else lambda: in_units(state.cell, scales, divide)
-    return replace(in_units(state, scales, divide), error={}, profile=None, in_cell=cell)
+    return {name: known[id(event)][key] for name, (event, key) in thresholds.items()}

@@ -15,6 +15,7 @@ from contbranch.continuation.newton import tangent_at
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated
 from contbranch.control import Control
+from contbranch.curve.tolerances import ROW_SAFETY
 from contbranch.results.diagram import Cost, State
 from contbranch.results.profile import ModeShape, Profile
 
@@ -59,8 +60,8 @@ STEPS = Options(
 )
 
 
-# A row's error estimate is this multiple of its defect, and at least this share of the value.
-ROW_SAFETY, ROW_FLOOR = 3.0, 2e-8
+# Error of a row, relative to max(1, |value|), below which its estimate by one Newton step does not tell.
+ROW_FLOOR = 2e-8
 
 
 class Values(NamedTuple):
@@ -226,12 +227,18 @@ class EquilibriumProblem(Problem):
     refinable : bool
         Whether finer discretisations bring errors below the accuracy asked. Otherwise they are stated, rows lie as
         close as the discretisation lets them, and nothing is computed between them unless a value is asked there.
+    relaxes_off_curve : bool
+        Whether stable states need not lie on the curve, so that the relaxation from a fold is followed always.
+    rows_between : bool
+        Whether rows are added between those of the steps where straight lines stray from the curve.
     """
 
     scale: float
     work: Work
     complete_by: ClassVar[str] = ""
     refinable: ClassVar[bool] = True
+    relaxes_off_curve: ClassVar[bool] = False
+    rows_between: ClassVar[bool] = True
 
     @property
     def given(self) -> bool:
@@ -247,6 +254,17 @@ class EquilibriumProblem(Problem):
     def pieced(self) -> bool:
         """Whether solutions have so many kinks that two discretisations may agree by chance."""
         return False
+
+    @property
+    def states_between(self) -> bool:
+        """Whether states between rows are worth their cost where a path is drawn."""
+        return True
+
+    @property
+    def has_family(self) -> bool:
+        """Whether the discretisation serves other contacts, too: see `varied`."""
+        own, base = type(self), EquilibriumProblem
+        return own.member is not base.member or own.varied is not base.varied
 
     @property
     def described_to(self) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,22 +47,34 @@ class Stop:
     row: int | None = None
     uncertainty: float = 1e-14
 
+    @property
+    def position(self) -> float:
+        """Place along the curve in units of rows."""
+        return self.piece + 0.5 if self.row is None else float(self.row)
+
 
 @dataclass(frozen=True)
 class Leg:
-    """A stable part followed in one direction of the control (+1: raised), from a stop over rows to a stop."""
+    """A stable part followed in one direction of the control (+1: raised), as the stops that are passed."""
 
     direction: int
-    rows: tuple[int, ...]
-    begin: Stop | None
-    end: Stop | None
+    stops: tuple[Stop, ...]
+
+    @property
+    def begin(self) -> Stop:
+        """The first stop."""
+        return self.stops[0]
+
+    @property
+    def end(self) -> Stop:
+        """The last stop."""
+        return self.stops[-1]
 
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump at a fold: where from, where to (None: to infinity, or not reached), and at which row the fold is."""
+    """A jump at a fold: where from, and where to (None: to infinity, or not reached)."""
 
-    row: int
     direction: int
     begin: Stop
     end: Stop | None
@@ -72,8 +85,8 @@ def quasi_static(walk: CurveWalk) -> tuple[list[Leg], list[Jump], str]:
     """The path up and down, as legs on stable parts and the jumps between them, and why it ends early if it does.
 
     The path starts at the curve's first row if that is stable, otherwise at the first stable part along the curve: at
-    zero if the control has this value there, or at the fold where it begins. Of an interrupted computation it is what
-    has been found of it, up to the first jump at least.
+    zero if the control has this value there, or where the part begins. Of an interrupted computation it is what has
+    been found of it, up to the first jump at least.
 
     Raises
     ------
@@ -101,78 +114,70 @@ def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
         has been appended stays.
     """
     with finishing():
-        folds = walk.folds()
-        start = _start(walk, folds)
-    if start is None:
-        return
-    piece, begin, row = start
+        parts = _stable_parts(walk)
+        if not parts:
+            return
+        part, begin = parts[0], _start(walk, parts[0])
     for direction in (1, -1):
         while True:
-            leg, fold_row = _followed(walk, folds, piece, direction, begin, row)
+            leg = _followed(walk, part, begin, direction)
             legs.append(leg)
-            if fold_row is None:
-                _check_end(walk, leg)
+            fold = leg.end
+            if fold.row not in walk.folds:
+                _check_end(walk, fold)
+                begin = fold  # the way back starts where this one has ended
                 break
-            if any((jump.row, jump.direction) == (fold_row, direction) for jump in jumps):
-                state = folds[fold_row].state
+            if any(jump.begin is fold and jump.direction == direction for jump in jumps):
                 raise ModelError(
-                    f"the path comes again to the fold at load {state.load:.6g}, displacement {state.displacement:.6g} "
-                    "(reduced): states there differ by less than their errors; ask for a hundredth of the accuracy."
+                    f"the path comes again to the fold at {_place(fold)}: states there differ by less than their "
+                    "errors; ask for a hundredth of the accuracy."
                 )
             try:
-                jump = _jump(walk, folds, fold_row, direction, leg)
+                jump = _jump(walk, parts, fold, direction)
             except ModelError:
-                jumps.append(Jump(fold_row, direction, folds[fold_row], None))
+                jumps.append(Jump(direction, fold, None))
                 raise
             jumps.append(jump)
             if jump.end is None:
                 return
             if jump.end.piece < 0:
-                legs.append(Leg(direction, (), jump.end, None))
+                legs.append(Leg(direction, (jump.end,)))
                 return
-            piece, begin, row = jump.end.piece, jump.end, None
-        last = legs[-1]
-        # The way back starts where this one has ended, a row at an end of the curve.
-        row = last.rows[-1] if last.rows else None
-        if row is not None:
-            piece, begin = min(row, len(walk.unstable) - 1), None
+            begin = jump.end
+            part = next(part for part in parts if begin.piece in part)
 
 
-def _start(walk: CurveWalk, folds: dict[int, Stop]) -> tuple[int, Stop | None, int | None] | None:
-    """Piece, stop and row at which the path starts."""
-    unstable, values = walk.unstable, walk.values
-    stable = np.flatnonzero(unstable == 0)
-    if len(stable) == 0:
-        return None
-    first = int(stable[0])
-    if first == 0:
-        return 0, None, 0
-    piece = first
-    while piece < len(unstable) and unstable[piece] == 0:
-        if min(values[piece], values[piece + 1]) < 0.0 <= max(values[piece], values[piece + 1]):
-            return piece, walk.crossing(piece, 0.0), None
-        piece += 1
-    return first, folds.get(first), None
+def _place(stop: Stop) -> str:
+    return f"load {stop.state.load:.6g}, displacement {stop.state.displacement:.6g} (reduced)"
 
 
-def _followed(
-    walk: CurveWalk, folds: dict[int, Stop], piece: int, direction: int, begin: Stop | None, row: int | None
-) -> tuple[Leg, int | None]:
-    """Follow a stable part while the control moves in a direction; return the leg, and the fold's row where it ends."""
-    rows = [] if row is None else [row]
-    sense = direction * (1 if walk.rising[piece] > 0 else -1)
-    while True:
-        ahead = piece + 1 if sense > 0 else piece
-        if ahead in folds:
-            return Leg(direction, tuple(rows), begin, folds[ahead]), ahead
-        if not rows or rows[-1] != ahead:
-            rows.append(ahead)
-        piece += sense
-        if not 0 <= piece < len(walk.unstable) or walk.unstable[piece] != 0:
-            return Leg(direction, tuple(rows), begin, None), None
+def _stable_parts(walk: CurveWalk) -> list[range]:
+    """The pieces of every stable part, in order along the curve; on each of them the control goes one way."""
+    stable = walk.unstable == 0
+    edges = {0, len(stable), *walk.folds, *(np.flatnonzero(np.diff(stable)) + 1).tolist()}
+    return [range(*ends) for ends in pairwise(sorted(edges)) if stable[ends[0]]]
 
 
-def _check_end(walk: CurveWalk, leg: Leg) -> None:
+def _start(walk: CurveWalk, part: range) -> Stop:
+    """Where a path begins on the first stable part."""
+    zero = [piece for piece in part if part.start and _passes(walk, piece, 0.0)]
+    return walk.crossing(zero[0], 0.0) if zero else walk.folds.get(part.start) or walk.stop(part.start)
+
+
+def _passes(walk: CurveWalk, piece: int, value: float) -> bool:
+    """Whether the control passes a value on a piece."""
+    low, high = sorted(walk.values[piece : piece + 2])
+    return bool(low < value <= high)
+
+
+def _followed(walk: CurveWalk, part: range, begin: Stop, direction: int) -> Leg:
+    """A stable part followed from a stop on it to its end, while the control moves in a direction."""
+    onward = (walk.rising[part.start] > 0) == (direction > 0)
+    rows = range(begin.piece + 1, part.stop + 1) if onward else range(begin.piece, part.start - 1, -1)
+    return Leg(direction, (begin, *(walk.folds.get(row) or walk.stop(row) for row in rows if row != begin.row)))
+
+
+def _check_end(walk: CurveWalk, end: Stop) -> None:
     """Check that a leg without a fold ends where the curve does, or where what is controlled rests.
 
     Raises
@@ -180,61 +185,39 @@ def _check_end(walk: CurveWalk, leg: Leg) -> None:
     ModelError
         If stability is lost there: where the path would go on is not known.
     """
-    row = leg.rows[-1]
-    beside = range(max(row - 1, 0), min(row + 1, len(walk.unstable)))
-    if any(walk.unstable[piece] and walk.values[piece] != walk.values[piece + 1] for piece in beside):
-        state = walk.row(row)
+    beside = np.abs(np.arange(len(walk.unstable)) + 0.5 - end.position) < 1.0
+    if np.any(beside & (walk.unstable > 0) & (np.diff(walk.values) != 0.0)):
         raise ModelError(
-            f"stability is lost next to load {state.load:.6g}, displacement {state.displacement:.6g} (reduced), where "
-            "no fold was found; ask for another accuracy, or for another grid where the model has one."
+            f"stability is lost next to {_place(end)}, where no fold was found; ask for another accuracy, or for "
+            "another grid where the model has one."
         )
 
 
-def _jump(walk: CurveWalk, folds: dict[int, Stop], row: int, direction: int, leg: Leg) -> Jump:
+def _jump(walk: CurveWalk, parts: Sequence[range], fold: Stop, direction: int) -> Jump:
     """The jump from a fold to the state that overdamped relaxation reaches.
 
     The energy of system and drive falls during the relaxation: only states below the fold can be reached, and if there
     is just one that is stable, it is. Between several the relaxation itself decides.
     """
-    fold, control = folds[row], walk.control
+    control = walk.control
     value = control.of(fold.state)
-
-    candidates = []
+    height = control.height(value, fold.state)
     outside = walk.before(value) if walk.unstable[0] == 0 and value < walk.values[0] else None
-    if outside is not None:
-        candidates.append(outside)
-    ending = _ending(walk, folds, row)
-    for piece in np.flatnonzero(walk.unstable == 0):
-        low, high = sorted((walk.values[piece], walk.values[piece + 1]))
-        if low < value <= high and piece not in ending:
-            candidates.append(walk.crossing(int(piece), value))
-    below = [stop for stop in candidates if _above(walk, stop, fold) < 0.0]
-    if not below:  # errors may hide what is lower, as next to a continuous onset
-        below = [stop for stop in candidates if _above(walk, stop, fold) <= stop.uncertainty + fold.uncertainty]
+    # The stable part that ends here has the value nowhere else.
+    elsewhere = [piece for part in parts if fold.row not in (part.start, part.stop) for piece in part]
+    error = control.weighted(fold.state.error["load"], fold.state.error["displacement"])
+    candidates = [] if outside is None else [outside]
+    candidates += [walk.crossing(piece, value, error) for piece in elsewhere if _passes(walk, piece, value)]
+    above = [(stop, control.height(value, stop.state) - height) for stop in candidates]
+    # Errors may hide what is lower, as next to a continuous onset.
+    below = [stop for stop, more in above if more < 0.0]
+    below = below or [stop for stop, more in above if more <= stop.uncertainty + fold.uncertainty]
     # Where the curve need not hold all states, relaxations are followed; under load they may have no end.
-    followed = walk.follows and (below or control.kind != "load")
+    followed = walk.relaxes_off_curve and (below or control.kind != "load")
     if len(below) < 2 and not followed:
-        return Jump(row, direction, fold, below[0] if below else None)
-    end = walk.relaxed(fold, below)
-    return Jump(row, direction, fold, end, tuple(stop for stop in below if stop is not end))
-
-
-def _above(walk: CurveWalk, stop: Stop, fold: Stop) -> float:
-    """By how much the energy of system and drive is higher than at a fold, at the fold's value of the control."""
-    value = walk.control.of(fold.state)
-    return walk.control.height(value, stop.state) - walk.control.height(value, fold.state)
-
-
-def _ending(walk: CurveWalk, folds: dict[int, Stop], row: int) -> set[int]:
-    """The stable pieces up to a fold, along which what is controlled goes one way: none of them is there again."""
-    found = set()
-    for piece, sense in ((row - 1, -1), (row, 1)):
-        while 0 <= piece < len(walk.unstable) and walk.unstable[piece] == 0:
-            found.add(piece)
-            if piece + (sense > 0) in folds:
-                break
-            piece += sense
-    return found
+        return Jump(direction, fold, below[0] if below else None)
+    end = walk.relaxed(fold, below, direction)
+    return Jump(direction, fold, end, tuple(stop for stop in below if stop is not end))
 
 
 def next_along(walk: CurveWalk, fold: Stop, candidates: Sequence[Stop]) -> tuple[Stop, bool]:
@@ -252,35 +235,27 @@ def next_along(walk: CurveWalk, fold: Stop, candidates: Sequence[Stop]) -> tuple
     candidates : sequence of Stop
         Stable states at the fold's value of the control; at least one.
     """
-    row, control, unstable, values = fold.row, walk.control, walk.unstable, walk.values
+    row, control = fold.row, walk.control
     assert row is not None
-    onward = row > 0 and unstable[row - 1] == 0
+    onward = row > 0 and walk.unstable[row - 1] == 0
     value = control.of(fold.state)
+    height = control.height(value, fold.state)
 
-    def beyond(stop: Stop) -> bool:
-        return (stop.piece >= row) == onward
+    def ahead(piece: int) -> float:
+        """How many rows beyond the fold a piece lies; less than zero: on the side that the path comes from."""
+        return piece + 0.5 - row if onward else row - piece - 0.5
 
-    def away(stop: Stop) -> float:
-        return abs(stop.piece + 0.5 - row)
+    places = {ahead(stop.piece): stop for stop in candidates}
+    beyond = [place for place in places if place > 0]
+    nearest = min(beyond or places, key=abs)
+    saddles = [piece for piece in np.flatnonzero(walk.unstable).tolist() if _passes(walk, piece, value)]
 
-    ahead = [stop for stop in candidates if beyond(stop)]
-    if not ahead:
-        return min(candidates, key=away), False
-    found = min(ahead, key=away)
-    low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
-    passed = (low < value) & (value <= high) & (unstable > 0)
+    def separated(place: float) -> bool:
+        low, high = sorted((place, nearest if place > 0 else 0.0))
+        between = [piece for piece in saddles if low < ahead(piece) < high]
+        return any(control.height(value, walk.crossing(piece, value).state) >= height for piece in between)
 
-    def separated(other: Stop) -> bool:
-        begin, end = (found.piece + 1, other.piece) if other.piece > found.piece else (other.piece + 1, found.piece)
-        if not beyond(other):  # of the way there the part behind the fold; the other one leads to the state found
-            begin, end = (begin, row - 1) if onward else (row + 1, end)
-        saddles = [piece for piece in range(max(begin, 0), end) if passed[piece]]
-        level = control.height(value, fold.state)
-        return any(control.height(value, walk.crossing(piece, value).state) >= level for piece in saddles)
-
-    neighbours = [
-        min(group, key=away)
-        for group in ([s for s in ahead if s is not found], [s for s in candidates if not beyond(s)])
-        if group
-    ]
-    return found, all(separated(stop) for stop in neighbours)
+    further = min((place for place in beyond if place != nearest), default=None)
+    behind = max((place for place in places if place < 0), default=None)
+    neighbours = [place for place in (further, behind) if place is not None]
+    return places[nearest], bool(beyond) and all(map(separated, neighbours))

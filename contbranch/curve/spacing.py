@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence, Set
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,8 +21,8 @@ SEEN = ("load", "displacement", "contact_radius")
 # A straight line between neighbouring rows strays at most about this far from the curve, in units of the curve's
 # extent in load, displacement and contact radius.
 STRAY = 0.002
-# How often a piece is divided for that, and into how many parts at once.
-DIVISIONS, PARTS = 4, 8
+# How often a piece is divided for that.
+DIVISIONS = 4
 
 
 class Spacing:
@@ -34,12 +34,10 @@ class Spacing:
         The rows: their extent is the unit.
     slopes : Slopes
         What is known of the rates at the rows.
-    fine : bool
-        Whether all rows are to be as accurate as asked; errors of those inside a step are but stated otherwise.
     """
 
-    def __init__(self, points: Sequence[Point], slopes: Slopes, fine: bool = False) -> None:
-        self.slopes, self.fine = slopes, fine
+    def __init__(self, points: Sequence[Point], slopes: Slopes) -> None:
+        self.slopes = slopes
         seen = np.array([_seen(point) for point in points])
         self.extent = np.maximum(np.ptp(seen, axis=0), 1e-9 * (1.0 + np.abs(seen).max(axis=0)))
 
@@ -69,27 +67,26 @@ class Spacing:
 
     def _between(self, begin: Point, end: Point, marked: bool) -> list[Point]:
         apart = marked and float(np.linalg.norm((_seen(end) - _seen(begin)) / self.extent)) > STRAY
-        if equilibrium(begin).given or not (apart or self.stray(begin, end) > STRAY):
+        if not equilibrium(begin).rows_between or not (apart or self.stray(begin, end) > STRAY):
             return []
         try:
             segment = piece(*(point if point.observables else valued(point) for point in linked(begin, end)))
             found = self._divided(segment, DIVISIONS, 1 + apart)
             # Where the end asked for a better discretisation, rows on the way there may do so, too.
-            asked = self.fine or end.problem is not begin.problem
-            return [adapted(point, segment.metric, STEPS)[0] for point in found] if asked else found
+            refined = end.problem is not begin.problem
+            return [adapted(point, segment.metric, STEPS)[0] for point in found] if refined else found
         except CorrectionError:  # two rows that no piece of curve joins: nothing is known between them
             return []
 
     def _divided(self, segment: Segment, divisions: int, least: int = 1) -> list[Point]:
         """Rows inside a piece, evenly along its cubic: the distance of an arc from its chord falls like its square."""
         stray = self.stray(segment.begin, segment.end)
-        parts = min(math.ceil(math.sqrt(stray / STRAY)), PARTS) if divisions and stray > STRAY else least
+        parts = math.ceil(math.sqrt(stray / STRAY)) if divisions and stray > STRAY else least
         inner = (valued(point_on(segment, k / parts, STEPS, precise=False)[0]) for k in range(1, parts))
         found = []
-        for begin, end in pairwise(chain([segment.begin], inner, [segment.end])) if parts > 1 else ():
-            found += self._divided(Segment(begin, end, segment.metric), divisions - 1)
-            found += [end] if end is not segment.end else []
-        return found
+        for begin, end in pairwise([segment.begin, *inner, segment.end]) if parts > 1 else ():
+            found += [*self._divided(Segment(begin, end, segment.metric), divisions - 1), end]
+        return found[:-1]
 
 
 def _seen(point: Point) -> Array:

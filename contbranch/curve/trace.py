@@ -18,6 +18,7 @@ from contbranch.curve.angle import AMBIGUOUS, Turning, alpha, short_way
 from contbranch.curve.events import NEGATIVE, Ceiling, Folds, Margin, Slopes
 from contbranch.curve.problem import EquilibriumProblem, Succession, equilibrium
 from contbranch.curve.spacing import Spacing
+from contbranch.curve.tolerances import of_rows
 from contbranch.curve.track import Mark, Track
 from contbranch.errors import InputError, ModelError
 from contbranch.watch import blame, finishing, kept, over, tell
@@ -33,8 +34,6 @@ SHORTER = 1e-3
 EDGE = "edge"
 # The margin where the contact has grown to the edge of the tip, where its description ends.
 TIP_EDGE = "tip-edge"
-# Where rows count themselves, in integrals along the curve, they are as accurate as this, as far as round-off allows.
-FINE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def trace(problem: EquilibriumProblem, request: Request) -> Track:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by shorter steps, or reported
         try:
             if request.fine:
-                problem = problem.rows_within(max(FINE, request.accuracy))
+                problem = problem.rows_within(of_rows(request.accuracy))
             start = problem.start(request.control)
         except InputError:
             raise
@@ -274,7 +273,7 @@ class _Tracing:
     # -- rows between, folds in corners, indices ---------------------------------------------------------------------
     def fill(self) -> None:
         """Compute the rows that are missing for lines between rows to show the curve."""
-        spacing, marked = Spacing(self.points, self.slopes, self.request.fine), {mark.row for mark in self.marks}
+        spacing, marked = Spacing(self.points, self.slopes), {mark.row for mark in self.marks}
         missing = spacing.missing(self.onward, self.points, self.gaps, marked)
         place = np.arange(len(self.points)) + np.cumsum([0, *map(len, missing)])
         self.points = [

@@ -4,41 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebint, chebmul
+from scipy.fft import dct
 
-from contbranch.arrays import Array
 from contbranch.continuation import Point
 from contbranch.continuation.walk import point_on
-from contbranch.curve.events import rates
-from contbranch.curve.problem import values_of
+from contbranch.curve.problem import rates_of, values_of
 from contbranch.curve.refine import OPTIONS
 from contbranch.curve.track import piece
 
 __all__ = ["Piece", "corner_work", "work_along"]
-
-# Points a piece, ends included: doubled (nested) until the error that the last two changes promise is small enough.
-NODES = (3, 5, 9, 17, 33)
-# A slope dF/dd that is all but infinite (relative to the change of load) says nothing about the work.
-STEEP = 1e-3
-
-
-@cache
-def lobatto(count: int) -> tuple[Array, Array, Array]:
-    """Chebyshev–Lobatto nodes on [0, 1], weights of Clenshaw–Curtis, and the matrix that differentiates."""
-    angle = np.pi * np.arange(count) / (count - 1)
-    x = (1 - np.cos(angle)) / 2
-    powers = np.polynomial.chebyshev.chebvander(2 * x - 1, count - 1)
-    slopes = np.stack(
-        [np.polynomial.chebyshev.chebval(2 * x - 1, np.polynomial.chebyshev.chebder(row)) * 2 for row in np.eye(count)],
-        axis=1,
-    )
-    inverse = np.linalg.inv(powers)
-    k = np.arange(count)
-    moments = np.where(k % 2 == 0, 1.0 / (1.0 - k.astype(float) ** 2 + (k == 1)), 0.0)
-    return x, moments @ inverse, slopes @ inverse
 
 
 @dataclass(frozen=True)
@@ -57,7 +35,6 @@ class Piece:
     begin: Point
     end: Point
     kinks: tuple[bool, bool] = (False, False)
-    _known: dict[float, tuple[float, float]] = field(default_factory=dict, init=False, repr=False)
 
     def point(self, x: float) -> Point:
         """The point of the curve at x.
@@ -76,21 +53,22 @@ class Piece:
         share = 0.5 * (1 - math.cos(math.pi * x)) if begins and ends else x * x if begins else x
         return point_on(segment, 1 - (1 - x) ** 2 if ends and not begins else share, OPTIONS)[0]
 
-    def value(self, x: float) -> tuple[float, float]:
-        """Displacement and load at x."""
-        x = round(x, 14)  # nested rules share their nodes
-        if x not in self._known:
-            self._known[x] = own(self.point(x))
-        return self._known[x]
-
     def work(self, tolerance: float) -> float:
-        """∫ F dd, with a quadrature error below the tolerance."""
-        found, change = math.inf, math.inf
-        for count in NODES:
-            x, weights, slope = lobatto(count)
-            values = np.array([self.value(float(share)) for share in x])
+        """∫ F dd, with a quadrature error below the tolerance.
+
+        Load and displacement are polynomials through Chebyshev–Lobatto nodes, as in Clenshaw–Curtis quadrature; the
+        number of intervals is doubled, which keeps the nodes there are.
+        """
+        known: dict[float, tuple[float, float]] = {}
+        found = change = math.inf
+        for intervals in (2, 4, 8, 16, 32):
+            places = (0.5 + 0.5 * np.cos(np.pi * np.arange(intervals + 1) / intervals)).tolist()
+            known |= {x: _held(self.point(x)) for x in places if x not in known}
+            coefficients = dct([known[x] for x in places], type=1, axis=0) / intervals
+            coefficients[[0, -1]] /= 2.0
+            displacement, load = coefficients.T  # of Chebyshev polynomials over -1 ... 1
             last, before = found, change
-            found = float(weights @ (values[:, 1] * (slope @ values[:, 0])))
+            found = float(chebint(chebmul(load, chebder(displacement)), lbnd=-1.0).sum())
             change = abs(found - last)
             # The rules converge geometrically, so the next change is smaller by the last ratio at least.
             if change * min(1.0, change / before if 0.0 < before < math.inf else 1.0) <= tolerance:
@@ -98,28 +76,25 @@ class Piece:
         return found
 
 
-def own(point: Point) -> tuple[float, float]:
+def _held(point: Point) -> tuple[float, float]:
     """Displacement and load of a point on its own discretisation."""
     values = values_of(point)
     return values.displacement, values.load
 
 
 def corner_work(begin: Point, end: Point) -> float:
-    """∫ F dd between two points that no piece of curve joins, from loads and slopes at both ends."""
+    """∫ F dd between two points that no piece of curve joins: the trapezoidal rule, corrected by the slopes dF/dd."""
     if begin is end:
         return 0.0
-    (first, load), (last, load_there) = own(begin), own(end)
-    change = last - first
-    slopes = []
-    for point in (begin, end):
-        load_rate, rate = rates(point)
-        if not abs(rate) > STEEP * abs(load_rate):
-            return 0.5 * change * (load + load_there)
-        slopes.append(load_rate / rate)
-    return 0.5 * change * (load + load_there) + change * change * (slopes[0] - slopes[1]) / 12
+    (first, load), (last, load_there) = _held(begin), _held(end)
+    change, slopes = last - first, list[float]()
+    for load_rate, rate, *_ in (rates_of(begin), rates_of(end)):
+        slopes.append(load_rate / rate if abs(rate) > 1e-3 * abs(load_rate) else math.nan)
+    corrected = change * change * (slopes[0] - slopes[1]) / 12  # nothing where the displacement rests
+    return 0.5 * change * (load + load_there) + (corrected if math.isfinite(corrected) else 0.0)
 
 
-def work_along(begin: Point, pieces: Iterable[Piece | tuple[Point, Point]], end: Point, tolerance: float) -> float:
+def work_along(begin: Point, pieces: Iterable[Piece | Point], end: Point, tolerance: float) -> float:
     """∫ F dd over the pieces of curve between two points, reduced units.
 
     Where the discretisation changes, the displacement jumps by its error, and the state lies a little farther along the
@@ -127,8 +102,8 @@ def work_along(begin: Point, pieces: Iterable[Piece | tuple[Point, Point]], end:
 
     Parameters
     ----------
-    pieces : iterable of Piece or (Point, Point)
-        From the begin to the end; pairs of points where no problem joins them.
+    pieces : iterable of Piece or Point
+        From the begin to the end; points where no problem joins them with the next.
     tolerance : float
         Quadrature error allowed on a piece.
 
@@ -138,8 +113,8 @@ def work_along(begin: Point, pieces: Iterable[Piece | tuple[Point, Point]], end:
         If the curve cannot be followed there.
     """
     parts, last = list[float](), begin
-    for part in pieces:
-        first, behind = (part.begin, part.end) if isinstance(part, Piece) else part
-        parts += [corner_work(last, first), part.work(tolerance) if isinstance(part, Piece) else corner_work(*part)]
+    for part in [*pieces, end]:
+        first, behind = (part.begin, part.end) if isinstance(part, Piece) else (part, part)
+        parts += [corner_work(last, first), part.work(tolerance) if isinstance(part, Piece) else 0.0]
         last = behind
-    return math.fsum([*parts, corner_work(last, end)])
+    return math.fsum(parts)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.curve.naming import fold_name, number_layers, signs_of, thresholds
+from contbranch.curve.naming import fold_name, number_layers, signs_of, threshold_events
 from contbranch.results.diagram import Event
 
 ATTRACTION, REPULSION = cb.Exponential(1.0, 1.0), cb.Gauss(-2.0, 1.0)
@@ -16,6 +16,10 @@ def fold(control, name, load, displacement=0.0, contact_radius=0.0):
     return Event(
         "fold", load, displacement, contact_radius, 0.0 if contact_radius else 1.0, {}, control=control, name=name
     )
+
+
+def thresholds(events):
+    return {name: getattr(event, key) for name, (event, key) in threshold_events(events, repulsive=True).items()}
 
 
 @pytest.mark.parametrize(
@@ -47,7 +51,7 @@ def test_the_outermost_fold_is_the_threshold():
         fold("displacement", "jump-in", -1.0, displacement=-1.5, contact_radius=0.1),
         fold("load", None, 100.0),
     ]
-    assert thresholds(events, repulsive=True) == {
+    assert thresholds(events) == {
         "squeeze_out_load": 7.0,
         "squeeze_out_radius": 0.5,
         "wetting_load": 3.0,
@@ -68,7 +72,7 @@ def test_layers_are_numbered_from_the_wall():
     assert number_layers(names, controls, law) == [name + number for name, number in zip(names, numbers, strict=True)]
     assert number_layers(names, controls, REPULSION) == names
     events = [fold("load", "squeeze-out-2", 1.0), fold("load", "squeeze-out-1", 2.0)]
-    assert thresholds(events, repulsive=True)["squeeze_out_load"] == 2.0
+    assert thresholds(events)["squeeze_out_load"] == 2.0
 
 
 def test_folds_between_unstable_parts_have_no_name():

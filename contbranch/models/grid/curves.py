@@ -58,9 +58,13 @@ class LatticeCurves(FollowedCurves):
         """The first problem of the curve."""
         return LatticeProblem(self.setup(request), tolerance(request))
 
-    def track(self, request: Request, tolerance: float | None = None) -> Track:
+    def track(self, request: Request) -> Track:
         """The curve, with what is to be said of the lattice; where it is too coarse, on twice the nodes a side."""
         return traced(self.setup(request), request)
+
+    def recent(self, request: Request) -> Track:
+        """The curve, followed anew: it takes too much memory to be kept."""
+        return self.track(request)
 
     def trace(self, request: Request) -> RawCurve:
         """The whole curve with its events, and its branches if the model wants them."""
@@ -90,7 +94,8 @@ class LatticeCurves(FollowedCurves):
         sized = replace(model, cell=edge * self.contact.scales.in_plane, grid=grid)
         if field == "load":
             request = replace(request, target=max(value, 0.0) * 1.1 + 1.0)
-        return super(LatticeCurves, replace(self, model=sized)).find_all(request, field, value, window)
+        found = super(LatticeCurves, replace(self, model=sized)).find_all(request, field, value, window)
+        return replace(found, excess=0.0)
 
 
 def tolerance(request: Request) -> float:

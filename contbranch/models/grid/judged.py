@@ -26,6 +26,7 @@ class OnNodes(EquilibriumProblem):
     """Equilibria on nodes that are the user's: errors are stated, not brought below the accuracy asked."""
 
     refinable = False
+    rows_between = False
 
     def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
         """What a fold is worth on other lattices, and a sentence; None where nothing is to be said."""
