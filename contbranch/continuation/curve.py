@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, Self
 import numpy as np
 
 from contbranch.arrays import AnyArray, Array
-from contbranch.continuation.problem import Problem, size_of
+from contbranch.continuation.problem import Direction, Problem, size_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -202,6 +202,17 @@ class BranchPoint(Located):
     other_x: Array | None = None
     other_parameter: float | None = None
     scales: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def tangents(self) -> tuple[Direction, ...]:
+        """Directions (u, a) in which x and p change along the curves that meet here, that of the one followed first.
+
+        Only that one where the others could not be computed.
+        """
+        followed = self.point.tangent_x, self.point.tangent_parameter
+        if self.other_x is None or self.other_parameter is None:
+            return (followed,)
+        return followed, (self.other_x, self.other_parameter)
 
     @property
     def kind(self) -> str:
