@@ -12,13 +12,16 @@ from contbranch.continuation.curve import (
     End,
     EventPoint,
     Fold,
+    HopfPoint,
     IndexChange,
     Located,
     Outcome,
     Point,
+    Stability,
 )
 from contbranch.continuation.events import Crossing, Event, Extremum, Happening, TangentCrossing
 from contbranch.continuation.folds import locate_fold
+from contbranch.continuation.functions import other_solutions
 from contbranch.continuation.locate import find_root
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
@@ -45,6 +48,7 @@ __all__ = [
     "Fold",
     "FoldCurve",
     "Happening",
+    "HopfPoint",
     "IndexChange",
     "Linearisation",
     "Located",
@@ -55,12 +59,14 @@ __all__ = [
     "Problem",
     "Segment",
     "SingularBorderedError",
+    "Stability",
     "StopAt",
     "TangentCrossing",
     "correct",
     "factorise",
     "find_root",
     "locate_fold",
+    "other_solutions",
     "switch_branch",
     "trace_curve",
     "trace_folds",

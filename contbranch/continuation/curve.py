@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -32,6 +32,9 @@ class Outcome(Enum):
     STEP_TOO_SMALL = "Newton's method failed at the smallest step."
     TURNED_BACK = "The steps turned back along the curve."
     NOT_FINITE = "The problem returned values that are not finite, even at the smallest step."
+    NORM_LIMIT = "The largest norm of the state that was asked for was exceeded."
+    ONE_DIRECTION = "The other direction was not asked for."
+    TIME_LIMIT = "The time limit was reached before the end of the curve."
     INTERRUPTED = "The computation was interrupted."
     EVALUATION_FAILED = "The problem raised an error, even at the smallest step."
 
@@ -50,6 +53,8 @@ _COMPLETE = frozenset(
         Outcome.STOPPED_AT_FOLD,
         Outcome.STOPPED_AT_EVENT,
         Outcome.STOPPED_BY_PREDICATE,
+        Outcome.NORM_LIMIT,
+        Outcome.ONE_DIRECTION,
     }
 )
 
@@ -249,6 +254,48 @@ class EventPoint(Located):
         return self.name
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class HopfPoint(EventPoint):
+    """A point where a pair of complex eigenvalues of f_x crosses the imaginary axis, for x' = f(x, p).
+
+    Attributes
+    ----------
+    frequency : float
+        ω > 0 of the eigenvalues ±iω. The period of the oscillations that begin here is 2π/ω.
+    """
+
+    name: str = "hopf"
+    frequency: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stability:
+    """Stability along a curve of m points.
+
+    Attributes
+    ----------
+    eigenvalues : tuple of (n,) arrays
+        Of the Jacobian at the points, by falling real part.
+    unstable : (m,) array
+        How many have a positive real part; -1 where that is not known.
+    between : (m - 1,) array
+        The same between the points and their next.
+    """
+
+    eigenvalues: tuple[AnyArray, ...]
+    unstable: AnyArray
+    between: AnyArray
+
+
+def _stacked(rows: Sequence[AnyArray]) -> AnyArray:
+    """Return rows as a matrix, or as an array of arrays where their lengths differ."""
+    if len({row.size for row in rows}) <= 1:
+        return np.array(rows)
+    ragged = np.empty(len(rows), dtype=object)
+    ragged[:] = rows
+    return ragged
+
+
 @dataclass(frozen=True)
 class Curve:
     """A solution curve.
@@ -263,12 +310,15 @@ class Curve:
         How the curve ends before its first and after its last point.
     closed : bool
         Whether the curve came back to its start; first and last point are then the same.
+    stability : Stability or None
+        Eigenvalues and how many are unstable, where they were asked for.
     """
 
     points: tuple[Point, ...]
     events: tuple[Located, ...]
     ends: tuple[End, End]
     closed: bool = False
+    stability: Stability | None = None
 
     @cached_property
     def parameter(self) -> Array:
@@ -278,12 +328,7 @@ class Curve:
     @cached_property
     def x(self) -> AnyArray:
         """States of the points, shape (m, n); an array of m arrays where the discretisation was adapted on the way."""
-        states = [point.x for point in self.points]
-        if len({state.size for state in states}) <= 1:
-            return np.array(states)
-        ragged = np.empty(len(states), dtype=object)
-        ragged[:] = states
-        return ragged
+        return _stacked([point.x for point in self.points])
 
     @cached_property
     def tangent_parameter(self) -> Array:
@@ -299,6 +344,22 @@ class Curve:
     def morse_index(self) -> list[int | None]:
         """Morse indices of the points."""
         return [point.morse_index for point in self.points]
+
+    @cached_property
+    def eigenvalues(self) -> AnyArray | None:
+        """Eigenvalues of f_x by falling real part, shape (m, n), see `trace_curve`; None unless asked for.
+
+        An array of m arrays where their number changes on the way. nan where they could not be computed.
+        """
+        return None if self.stability is None else _stacked(self.stability.eigenvalues)
+
+    @property
+    def unstable(self) -> AnyArray | None:
+        """How many eigenvalues of f_x have a positive real part, shape (m,); None unless asked for.
+
+        At an event it is the number on that side that has fewer. -1 where the eigenvalues could not be computed.
+        """
+        return None if self.stability is None else self.stability.unstable
 
     def observable(self, name: str) -> Array:
         """Return one observable along the curve, shape (m,).
@@ -319,6 +380,11 @@ class Curve:
     def branch_points(self) -> list[BranchPoint]:
         """The branch points, in order along the curve."""
         return [event for event in self.events if isinstance(event, BranchPoint)]
+
+    @property
+    def hopf_points(self) -> list[HopfPoint]:
+        """The Hopf points, in order along the curve."""
+        return [event for event in self.events if isinstance(event, HopfPoint)]
 
     def named(self, name: str) -> list[EventPoint]:
         """Return the user events of one name, in order along the curve."""

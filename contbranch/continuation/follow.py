@@ -21,6 +21,9 @@ from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, MARGIN, POINT
 from contbranch.continuation.walk import adapted, annotated, examined, to_point, unit_tangent
 from contbranch.watch import INTERRUPTIONS, caught
 
+# What is told of every point of a curve, and may end it there.
+Visit = Callable[[Point], End | None]
+
 
 @dataclass(frozen=True, slots=True)
 class Branch:
@@ -52,9 +55,13 @@ def follow(
     options: Options,
     events: Sequence[Event],
     stop: StopAt,
+    visit: Visit = lambda _: None,
 ) -> Branch:
-    """Follow the curve from `start` along its tangent to its end in that direction."""
-    return _Direction(start, balance, interval, options, events, stop).followed()
+    """Follow the curve from `start` along its tangent to its end in that direction.
+
+    Every point behind the start is visited, in order, which may end the curve there.
+    """
+    return _Direction(start, balance, interval, options, events, stop, visit).followed()
 
 
 class _Direction:
@@ -71,8 +78,10 @@ class _Direction:
         options: Options,
         events: Sequence[Event],
         stop: StopAt,
+        visit: Visit,
     ) -> None:
         self.start, self.interval, self.options, self.events, self.stop = start, interval, options, events, stop
+        self.visit = visit
         self.branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
         self.balance, self.metric = balance, balance.metric(options.weight, options.state_floor)
         self.recent, self.count, self.reach = [start], 1, math.inf
@@ -248,14 +257,20 @@ class _Direction:
         branch, stop = self.branch, self.stop
         for happening in taken.happenings:
             branch.events.append((happening.event, len(branch.points)))
-            branch.points.append(happening.event.point)
+            ended = self._append(happening.event.point)
             if isinstance(happening.event, Fold) and stop.folds == sum(isinstance(e, Fold) for e, _ in branch.events):
                 return End(Outcome.STOPPED_AT_FOLD)
             if happening.terminal:
                 return End(Outcome.STOPPED_AT_EVENT)
-        branch.points.append(taken.segment.end)
+            if ended is not None:
+                return ended
+        ended = self._append(taken.segment.end)
         if taken.end is not None:
             return taken.end
         if stop.predicate is not None and stop.predicate(taken.segment.end):
             return End(Outcome.STOPPED_BY_PREDICATE)
-        return None
+        return ended
+
+    def _append(self, point: Point) -> End | None:
+        self.branch.points.append(point)
+        return self.visit(point)
