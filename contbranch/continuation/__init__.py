@@ -17,7 +17,6 @@ from contbranch.continuation.curve import (
     Located,
     Outcome,
     Point,
-    Stability,
 )
 from contbranch.continuation.events import Crossing, Event, Extremum, Happening, TangentCrossing
 from contbranch.continuation.folds import locate_fold
@@ -28,6 +27,7 @@ from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import Adaptation, Linearisation, Problem
 from contbranch.continuation.segment import Segment
+from contbranch.continuation.storage import load_curve
 from contbranch.continuation.switching import switch_branch
 from contbranch.continuation.trace import trace_curve
 from contbranch.continuation.two_parameters import Cusp, FoldCurve, trace_folds
@@ -59,12 +59,12 @@ __all__ = [
     "Problem",
     "Segment",
     "SingularBorderedError",
-    "Stability",
     "StopAt",
     "TangentCrossing",
     "correct",
     "factorise",
     "find_root",
+    "load_curve",
     "locate_fold",
     "other_solutions",
     "switch_branch",

@@ -104,7 +104,7 @@ def checked(problem: Problem, x: Array, p: float) -> Callable[[], None]:
     at = linearise(problem, x, p)
     check("The parameter derivative", at.parameter_derivative, x.shape)
     check("The Jacobian", at.jacobian, 2 * x.shape)
-    memory = [getattr(value, "data", None) for value in (first, at.parameter_derivative, at.jacobian)]
+    memory: list[Any] = [getattr(value, "data", None) for value in (first, at.parameter_derivative, at.jacobian)]
     written = [(place, hash(place.tobytes())) for place in memory if hasattr(place, "tobytes")]
 
     def unchanged() -> None:

@@ -10,13 +10,12 @@ import scipy
 
 from contbranch.arrays import AnyArray
 from contbranch.continuation.bordered import DENSE_UP_TO, as_matrix
-from contbranch.continuation.curve import Curve, HopfPoint, Point, Stability
-from contbranch.continuation.events import Event, Happening
-from contbranch.continuation.metric import Metric
+from contbranch.continuation.curve import Curve, HopfPoint, Point, stacked
+from contbranch.continuation.events import Event, Happening, zeros
 from contbranch.continuation.newton import ROUNDING, CorrectionError, evaluating
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Problem, size_of
-from contbranch.continuation.segment import Segment
+from contbranch.continuation.segment import Segment, segment_between
 
 # How many eigenvalues of a large sparse matrix are computed.
 NEAREST_ZERO = 10
@@ -47,45 +46,38 @@ def _eigenvalues(jacobian: Any) -> AnyArray:
 
     The shift is off zero by what makes the shifted matrix regular where the matrix itself is singular.
     """
-    n = jacobian.shape[0]
-    if not scipy.sparse.issparse(jacobian):
-        return np.linalg.eigvals(as_matrix(jacobian))
+    n, matrix = jacobian.shape[0], as_matrix(jacobian)
+    if isinstance(matrix, np.ndarray):
+        return np.linalg.eigvals(matrix)
     if n <= DENSE_UP_TO:
-        return np.linalg.eigvals(jacobian.toarray())
-    matrix: Any = scipy.sparse.csc_array(jacobian)
+        return np.linalg.eigvals(matrix.toarray())
+    matrix = scipy.sparse.csc_array(matrix)
     shift = ROUNDING ** (1 / 3) * scipy.sparse.linalg.norm(matrix, 1)
     start = np.cos(1.0 + np.arange(n) ** 2 % 7919)  # without any symmetry
     found: AnyArray = scipy.sparse.linalg.eigs(matrix, NEAREST_ZERO, sigma=shift, v0=start, return_eigenvectors=False)
     return found
 
 
-class _PairSum(Event):
-    """Sum of the real parts of two eigenvalues that are neighbours by real part.
-
-    It is zero where a complex pair crosses the axis, keeps its sign where a real one does, and is smooth where a pair
-    becomes two real ones. (It is zero at neutral saddles, λ and −λ, too.)
-    """
-
-    def __init__(self, spectrum: Spectrum, first: int) -> None:
-        self.spectrum, self.first = spectrum, first
-
-    def value(self, point: Point) -> float:
-        """Return the sum."""
-        return float(self.spectrum(point)[self.first : self.first + 2].real.sum())
-
-
 class HopfEvent(Event):
-    """Where a pair of complex eigenvalues of f_x crosses the imaginary axis."""
+    """Where a pair of complex eigenvalues of f_x crosses the imaginary axis.
+
+    The sum of the real parts of two eigenvalues that are neighbours by real part is zero there, keeps its sign where a
+    real one crosses, and is smooth where a pair becomes two real ones. (It is zero at neutral saddles, λ and −λ, too.)
+
+    Parameters
+    ----------
+    first : int
+        Which two are meant by `value`: this one and the next.
+    """
 
     name = "hopf"
 
-    def __init__(self, spectrum: Spectrum) -> None:
-        self.spectrum = spectrum
+    def __init__(self, spectrum: Spectrum, first: int = 0) -> None:
+        self.spectrum, self.first = spectrum, first
 
     def value(self, point: Point) -> float:
-        """Return the sum of two neighbours' real parts that is nearest zero."""
-        sums = self._sums(point)
-        return float(sums[np.argmin(np.abs(sums))])
+        """Return the sum of the real parts of two eigenvalues."""
+        return float(self._sums(point)[self.first])
 
     def _sums(self, point: Point) -> AnyArray:
         real = self.spectrum(point).real
@@ -100,7 +92,7 @@ class HopfEvent(Event):
         for first in range(max(few - 1, 0), min(many + 1, begin.size, end.size)):
             if max(abs(begin[first]), abs(end[first])) <= UNSIGNED * rounding:
                 continue  # on the axis all along, as in conservative systems
-            for zero in _PairSum(self.spectrum, first).happenings(segment, None, options):
+            for zero in zeros(HopfEvent(self.spectrum, first), segment, None, options):
                 at, pair = zero.event, self._crossing_pair(zero.event.point, UNSIGNED * rounding)
                 if pair is None or any(abs(zero.theta - other.theta) < SAME for other in found):
                     continue
@@ -136,19 +128,17 @@ def with_stability(curve: Curve, spectrum: Spectrum) -> Curve:
             return np.full(point.x.size, np.nan + 0j)
 
     points = curve.points
-    eigenvalues = tuple(map(values, points))
+    eigenvalues = list(map(values, points))
     counts = np.array(list(map(_unstable, points, eigenvalues)), dtype=int)
     at_event = np.isin(np.arange(len(points)), [event.index for event in curve.events])
     between = np.maximum(np.where(at_event, -1, counts)[:-1], np.where(at_event, -1, counts)[1:])
     for i in np.flatnonzero(at_event[:-1] & at_event[1:]):
-        begin, end = points[i], points[i + 1]
-        change = size_of(begin.problem, end.x - begin.x), abs(end.parameter - begin.parameter)
-        x, p = Segment(begin, end, Metric(change[0] or 1.0, change[1] or 1.0)).at(0.5)
-        middle = replace(begin, x=x, parameter=p)
+        x, p = segment_between(points[i], points[i + 1]).at(0.5)
+        middle = replace(points[i], x=x, parameter=p)
         between[i] = _unstable(middle, values(middle))
     for i in np.flatnonzero(at_event) if len(points) > 1 else ():
         counts[i] = between[max(i - 1, 0) : i + 1].min()
-    return replace(curve, stability=Stability(eigenvalues, counts, between))
+    return replace(curve, eigenvalues=stacked(eigenvalues), unstable=counts, unstable_between=between)
 
 
 def _unstable(point: Point, values: AnyArray) -> int:

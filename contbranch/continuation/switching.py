@@ -77,6 +77,7 @@ def switch_branch(
         raise InputError("branch_point has no single crossing direction: more than two curves may meet there.")
     interval = interval_around(parameter_range, branch_point.parameter)
     course = Course(options, events, stop, callback, stability, time_limit, norm_limit)
+    branch_point.point.problem.residual(branch_point.x, branch_point.parameter)  # a curve from a file raises here
     found, watch = course.curves(lambda: _crossing(branch_point, interval, course))
     return watch.passed(found)
 
