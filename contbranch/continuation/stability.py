@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -10,17 +11,19 @@ import scipy
 
 from contbranch.arrays import AnyArray
 from contbranch.continuation.bordered import DENSE_UP_TO, as_matrix
-from contbranch.continuation.curve import Curve, HopfPoint, Point, stacked
+from contbranch.continuation.curve import Curve, HopfPoint, Located, Point, stacked
 from contbranch.continuation.events import Event, Happening, zeros
 from contbranch.continuation.newton import ROUNDING, CorrectionError, evaluating
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Problem, size_of
 from contbranch.continuation.segment import Segment, segment_between
 
-# How many eigenvalues of a large sparse matrix are computed.
-NEAREST_ZERO = 10
+# Rows up to which all eigenvalues of a sparse matrix are computed where no few can be told to hold the unstable ones.
+DENSE_AT_MOST = 2000
 # A real part below this multiple of the error of the eigenvalues has no sign.
 UNSIGNED = 1e2
+# Share of a step on either side of a Hopf point by which the slope is measured there.
+ASIDE = 1e-3
 # Two pairs that cross closer than this share of a step are one event, as where a symmetry makes them equal.
 SAME = 1e-8
 
@@ -42,20 +45,39 @@ class Spectrum:
 
 
 def _eigenvalues(jacobian: Any) -> AnyArray:
-    """Return all eigenvalues of a matrix, of a large sparse one those nearest zero.
-
-    The shift is off zero by what makes the shifted matrix regular where the matrix itself is singular.
-    """
-    n, matrix = jacobian.shape[0], as_matrix(jacobian)
+    """Return all eigenvalues of a matrix; of a large sparse one all that are unstable, and some that are not."""
+    matrix = as_matrix(jacobian)
     if isinstance(matrix, np.ndarray):
         return np.linalg.eigvals(matrix)
-    if n <= DENSE_UP_TO:
-        return np.linalg.eigvals(matrix.toarray())
-    matrix = scipy.sparse.csc_array(matrix)
-    shift = ROUNDING ** (1 / 3) * scipy.sparse.linalg.norm(matrix, 1)
-    start = np.cos(1.0 + np.arange(n) ** 2 % 7919)  # without any symmetry
-    found: AnyArray = scipy.sparse.linalg.eigs(matrix, NEAREST_ZERO, sigma=shift, v0=start, return_eigenvectors=False)
-    return found
+    n = matrix.shape[0]
+    found = _unstable_of_sparse(scipy.sparse.csc_array(matrix)) if n > DENSE_UP_TO else None
+    if found is None and n > DENSE_AT_MOST:
+        raise ArithmeticError(
+            f"too many eigenvalues of the sparse matrix ({n} rows) may be unstable; without stability"
+        )
+    return np.linalg.eigvals(matrix.toarray()) if found is None else found
+
+
+def _unstable_of_sparse(matrix: Any) -> AnyArray | None:
+    """Return the eigenvalues nearest the middle of where unstable ones can be, far enough to hold them all.
+
+    Real and imaginary parts are bounded by the eigenvalues of the symmetric and of the antisymmetric part (Bendixson),
+    these by the sums of rows (Gershgorin). None if the bounds do not help.
+    """
+    even, odd = (matrix + matrix.T) / 2, abs(matrix - matrix.T) / 2
+    diagonal = even.diagonal()
+    right = float((diagonal - abs(diagonal) + abs(even).sum(axis=1)).max())
+    # At no eigenvalue: not at zero, where folds have one, and at no round share of the bound.
+    middle = max(right / math.sqrt(5), ROUNDING ** (1 / 3) * float(abs(matrix).sum(axis=1).max()))
+    reach = math.hypot(max(middle, right - middle), float(odd.sum(axis=1).max()))
+    start = np.cos(1.0 + np.arange(diagonal.size) ** 2 % 7919)  # without any symmetry
+    for count in (10, 40, 160):
+        if count > diagonal.size // 4:
+            break
+        found: AnyArray = scipy.sparse.linalg.eigs(matrix, count, sigma=middle, v0=start, return_eigenvectors=False)
+        if float(abs(found - middle).max()) > reach:
+            return found
+    return None
 
 
 class HopfEvent(Event):
@@ -96,15 +118,22 @@ class HopfEvent(Event):
                 at, pair = zero.event, self._crossing_pair(zero.event.point, UNSIGNED * rounding)
                 if pair is None or any(abs(zero.theta - other.theta) < SAME for other in found):
                     continue
-                share = rounding / abs(end[first] - begin[first])
-                located = HopfPoint(
-                    replace(at.point, label="hopf"),
-                    at.error + share * abs(segment.end.parameter - segment.begin.parameter),
-                    at.state_error + share * size_of(at.point.problem, segment.end.x - segment.begin.x),
-                    frequency=float(abs(pair.imag)),
-                )
-                found.append(Happening(zero.theta, located))
+                located = self._located(segment, zero.theta, at, first, rounding)
+                found.append(Happening(zero.theta, replace(located, frequency=float(abs(pair.imag)))))
         return found
+
+    def _located(self, segment: Segment, theta: float, at: Located, first: int, rounding: float) -> HopfPoint:
+        """Return the Hopf point at a place of a step, with errors by the slope of the sum there."""
+        sums = []
+        for place in (theta - ASIDE, theta + ASIDE):
+            x, p = segment.at(place)
+            sums.append(self._sums(replace(at.point, x=x, parameter=p))[first])
+        slope = max(abs(sums[1] - sums[0]) / (2 * ASIDE), np.finfo(float).tiny)
+        share = float((abs(self._sums(at.point)[first]) + rounding) / slope)
+        u, a = segment.direction(theta)
+        size = ROUNDING * abs(at.parameter), ROUNDING * size_of(at.point.problem, at.x)
+        error, state_error = 4 * (share * abs(a) + size[0]), 4 * (share * size_of(at.point.problem, u) + size[1])
+        return HopfPoint(replace(at.point, label="hopf"), error, state_error)
 
     def _crossing_pair(self, point: Point, noise: float) -> complex | None:
         """Return the eigenvalue of a complex pair on the imaginary axis; None where there is none."""

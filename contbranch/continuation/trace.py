@@ -89,9 +89,10 @@ def trace_curve(
     stability : bool
         Whether to compute the eigenvalues of the Jacobian f_x, which tell the stability of the equilibria of
         x' = f(x, p): `Curve.eigenvalues`, `Curve.unstable`, and Hopf points among the events, `Curve.hopf_points`.
-        All of them of a dense matrix or an operator; of a sparse one with more than 128 rows the ten nearest zero (by
-        ARPACK), so that what lies farther away is not seen: give a dense matrix where fast oscillations may begin.
-        About four times as many eigenvalue problems as points are solved.
+        Of a sparse matrix with more than 128 rows not all are computed: those that are unstable and some that are not,
+        by ARPACK, as many as bounds of the real and imaginary parts ask for; where these ask for too many, all, and
+        with more than 2000 rows the curve ends. About seven eigenvalue problems are solved for each point. Give the
+        `jacobian`: differences leave ten digits of the eigenvalues.
     direction : {"both", "forward", "backward"}
         Where to follow the curve from its start: forward, p increases there.
     time_limit : float, optional
