@@ -296,8 +296,8 @@ class Curve:
         Of the Jacobian f_x at the points, by falling real part; nan where they could not be computed. An array of m
         arrays where their number changes on the way. None unless ``stability=True`` was asked for.
     unstable : (m,) array or None
-        How many of them have a positive real part, at an event on that side, of those followed, that has fewer; -1 where
-        that is not known.
+        How many of them have a positive real part; at an event the lower number of those on the sides that were
+        followed. -1 where that is not known.
     unstable_between : (m - 1,) array or None
         The same between the points and their next.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -119,7 +120,7 @@ def test_hopf_point_beside_the_fold_of_the_synapses(options):
         exact = precisely(synapses, synapses_jacobian, [*point.x, point.parameter])
         assert abs(point.parameter - exact) <= point.error < 1e-9
     ends = [0, *(event.index for event in curve.events), len(curve.points) - 1]
-    parts = [set(curve.unstable_between[i:j]) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+    parts = [set(curve.unstable_between[i:j]) for i, j in pairwise(ends)]
     assert parts == [{0}, {1}, {3}, {2}, {0}]
 
 
@@ -158,16 +159,16 @@ def test_two_equal_pairs_are_one_hopf_point():
 def test_eigenvalues_on_the_axis_all_along_are_no_hopf_points(given):
     """Oscillators without damping, in coordinates in which rounding moves their eigenvalues off the axis."""
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]
-    stiffness = np.array([1.0, 2.0, 3.0])
+    springs = np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 0.0])
 
     def matrix(x, p):
         blocks = np.zeros((6, 6))
-        blocks[:3, 3:], blocks[3:, :3] = np.eye(3), -np.diag(stiffness + [p, 0, 0] + 3 * (turn.T @ x)[:3] ** 2)
+        blocks[:3, 3:], blocks[3:, :3] = np.eye(3), -np.diag(springs[0] + p * springs[1] + 3 * (turn.T @ x)[:3] ** 2)
         return turn @ blocks @ turn.T
 
     def f(x, p):
         q = turn.T @ x
-        return turn @ np.append(q[3:], p - (stiffness + [p, 0, 0]) * q[:3] - q[:3] ** 3)
+        return turn @ np.append(q[3:], p - (springs[0] + p * springs[1]) * q[:3] - q[:3] ** 3)
 
     curve = trace_curve(f, np.zeros(6), 0.0, (-0.5, 2.0), jacobian=matrix if given else None, stability=True)
     assert curve.events == ()
@@ -195,7 +196,7 @@ def test_both_curves_through_a_pitchfork():
     problem = ChafeeInfante(20)
     trivial = trace_curve(problem, np.zeros(20), 0.5, (0.5, 12.0), stability=True)
     ends = [0, *(point.index for point in trivial.branch_points), len(trivial.points) - 1]
-    parts = [set(trivial.unstable_between[i:j]) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+    parts = [set(trivial.unstable_between[i:j]) for i, j in pairwise(ends)]
     assert parts == [{0}, {1}, {2}, {3}]
     for k, point in enumerate(trivial.branch_points):
         (branch,) = switch_branch(trivial, point, (0.5, 12.0), stability=True)
