@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -67,14 +66,15 @@ def load_curve(path: str | Path) -> Curve:
             return Outcome[values["@outcome"]]
         if "@part" not in values:
             return values
-        part = getattr(parts, values.pop("@part"))
+        part = known[values.pop("@part")]
         given: dict[str, Any] = {"problem": problem} if part is Point else {}
         return part(**given, **{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
 
     problem = _Absent()
+    known: dict[str, Any] = {name: part for name, part in vars(parts).items() if is_dataclass(part)}
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             curve: Curve = json.loads(str(file["curve"]), object_hook=made)
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+    except Exception as error:  # numpy, zip and JSON stumble over anything
         raise InputError(f"path: '{path}' cannot be read as a curve ({error}); give what Curve.save wrote.") from error
     return replace(curve, events=tuple(replace(event, point=curve.points[event.index]) for event in curve.events))

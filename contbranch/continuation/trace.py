@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.course import Course
-from contbranch.continuation.curve import Curve, End, Located, Outcome, Point
+from contbranch.continuation.curve import Curve, End, Outcome, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
 from contbranch.continuation.folds import second_derivative
@@ -215,9 +215,8 @@ def joined(start: Point, forward: Branch, backward: Branch) -> Curve:
     """Return one curve from both branches, oriented along the forward one."""
     before = [point.turned() for point in reversed(backward.points)]
     points = (*before, start, *forward.points)
-    located: list[Located] = []
-    for event, index in reversed(backward.events):
-        located.append(replace(event.turned(), index=len(before) - 1 - index))
-    located += [replace(event, index=len(before) + 1 + index) for event, index in forward.events]
+    located = [(event.turned(), len(before) - 1 - index) for event, index in reversed(backward.events)]
+    located += [(event, len(before) + 1 + index) for event, index in forward.events]
+    events = tuple(replace(event, point=points[index], index=index) for event, index in located)
     closed = Outcome.CLOSED in (backward.end.outcome, forward.end.outcome)
-    return Curve(points, tuple(located), (backward.end, forward.end), closed)
+    return Curve(points, events, (backward.end, forward.end), closed)
