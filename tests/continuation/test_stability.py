@@ -295,3 +295,46 @@ def test_without_stability_nothing_is_computed():
     assert curve.eigenvalues is None
     assert curve.unstable is None
     assert [event.kind for event in curve.events] == ["fold", "fold"]
+
+
+def oxidation(x, p):
+    """CO on platinum: V. I. Bykov, G. S. Yablonskii and V. F. Kim, Dokl. AN SSSR 242 (1978) 637; MatCont's manual."""
+    a, b, c = x
+    free = 1 - a - b - c
+    return [
+        2 * 2.5 * free**2 - 2 * a**2 - 10 * a * b,
+        p * free - 0.1 * b - 10 * a * b,
+        0.0675 * free - 0.4 * 0.0675 * c,
+    ]
+
+
+def neuron(x, p):
+    """C. Morris and H. Lecar, Biophys. J. 35 (1981) 193, set of class I: J. Rinzel and G. B. Ermentrout, in C. Koch and
+    I. Segev, Methods in Neuronal Modeling (1998)."""
+    v, w = x
+    calcium = 4.0 * (1 + math.tanh((v + 1.2) / 18)) / 2
+    potassium, rate = (1 + math.tanh((v - 12) / 17.4)) / 2, math.cosh((v - 12) / 34.8) / 15
+    return [(p - calcium * (v - 120) - 8 * w * (v + 84) - 2 * (v + 60)) / 20, rate * (potassium - w)]
+
+
+PUBLISHED = {
+    "oxidation": (
+        (oxidation, [0.001137, 0.891483, 0.062345], 1.4, (0.8, 1.4)),
+        [("hopf", 1.040991), ("fold", 1.052200), ("fold", 1.042049), ("hopf", 1.051556)],
+    ),
+    "neuron": ((neuron, [-60.0, 0.0], -20.0, (-60.0, 200.0)), [("fold", 39.963), ("fold", -9.949), ("hopf", 97.79)]),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_diagrams(name):
+    given, expected = PUBLISHED[name]
+    curve = trace_curve(*given, stability=True)
+    assert curve.status == "complete"
+    assert [event.kind for event in curve.events] == [kind for kind, _ in expected]
+    for event, (_, p) in zip(curve.events, expected, strict=True):
+        assert event.parameter == pytest.approx(p, rel=1e-4 if event.kind == "hopf" else 1e-5)
+    jump = {"fold": 1, "hopf": 2}
+    for event in curve.events:
+        before, after = curve.unstable_between[event.index - 1 : event.index + 1]
+        assert abs(int(after) - int(before)) == jump[event.kind]
