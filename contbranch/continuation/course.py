@@ -63,14 +63,14 @@ class Course:
         with watched(limit=self.time_limit) as watch, np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             try:
                 found = compute()
-                if self.spectrum is not None:
-                    found = [with_stability(curve, self.spectrum) for curve in found]
             except CorrectionError as error:
                 told = error.outcome in (Outcome.NOT_FINITE, Outcome.EVALUATION_FAILED)
                 found = [_nothing(End(error.outcome if told else Outcome.START_FAILED, error.detail))]
             except INTERRUPTIONS as error:
                 caught(error)
                 found = [_nothing(End(Outcome.INTERRUPTED))]
+            if self.spectrum is not None:
+                found = [with_stability(curve, self.spectrum) for curve in found]
         if watch.reason.startswith(LATE):
             found = [replace(curve, ends=(_late(curve.ends[0]), _late(curve.ends[1]))) for curve in found]
         return found, watch

@@ -23,20 +23,20 @@ DENSE_AT_MOST = 2000
 # A real part below this multiple of the error of the eigenvalues has no sign.
 UNSIGNED = 1e2
 # Share of a step on either side of a Hopf point by which the slope is measured there.
-ASIDE = 1e-3
+SLOPE_HALF_WIDTH = 1e-3
 # Two pairs that cross closer than this share of a step are one event, as where a symmetry makes them equal.
-SAME = 1e-8
+SAME_PLACE = 1e-8
 
 
 class Spectrum:
     """Eigenvalues of f_x at points of a curve, by falling real part; each is computed once."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[bytes, float], AnyArray] = {}
+        self._known: dict[tuple[int, float], AnyArray] = {}
 
     def __call__(self, point: Point) -> AnyArray:
         """Return the eigenvalues at a point; CorrectionError if that fails."""
-        place = point.x.tobytes(), point.parameter
+        place = hash(point.x.tobytes()), point.parameter
         if place not in self._known:
             with evaluating(point.parameter, " in eigenvalues"):
                 values = _eigenvalues(point.problem.linearise(point.x, point.parameter).jacobian)
@@ -52,9 +52,7 @@ def _eigenvalues(jacobian: Any) -> AnyArray:
     n = matrix.shape[0]
     found = _unstable_of_sparse(scipy.sparse.csc_array(matrix)) if n > DENSE_UP_TO else None
     if found is None and n > DENSE_AT_MOST:
-        raise ArithmeticError(
-            f"too many eigenvalues of the sparse matrix ({n} rows) may be unstable; without stability"
-        )
+        raise ArithmeticError(f"bounds do not tell which few of {n} eigenvalues are unstable: trace without stability")
     return np.linalg.eigvals(matrix.toarray()) if found is None else found
 
 
@@ -116,7 +114,7 @@ class HopfEvent(Event):
                 continue  # on the axis all along, as in conservative systems
             for zero in zeros(HopfEvent(self.spectrum, first), segment, None, options):
                 at, pair = zero.event, self._crossing_pair(zero.event.point, UNSIGNED * rounding)
-                if pair is None or any(abs(zero.theta - other.theta) < SAME for other in found):
+                if pair is None or any(abs(zero.theta - other.theta) < SAME_PLACE for other in found):
                     continue
                 located = self._located(segment, zero.theta, at, first, rounding)
                 found.append(Happening(zero.theta, replace(located, frequency=float(abs(pair.imag)))))
@@ -125,10 +123,10 @@ class HopfEvent(Event):
     def _located(self, segment: Segment, theta: float, at: Located, first: int, rounding: float) -> HopfPoint:
         """Return the Hopf point at a place of a step, with errors by the slope of the sum there."""
         sums = []
-        for place in (theta - ASIDE, theta + ASIDE):
+        for place in (theta - SLOPE_HALF_WIDTH, theta + SLOPE_HALF_WIDTH):
             x, p = segment.at(place)
             sums.append(self._sums(replace(at.point, x=x, parameter=p))[first])
-        slope = max(abs(sums[1] - sums[0]) / (2 * ASIDE), np.finfo(float).tiny)
+        slope = max(abs(sums[1] - sums[0]) / (2 * SLOPE_HALF_WIDTH), np.finfo(float).tiny)
         share = float((abs(self._sums(at.point)[first]) + rounding) / slope)
         u, a = segment.direction(theta)
         size = ROUNDING * abs(at.parameter), ROUNDING * size_of(at.point.problem, at.x)

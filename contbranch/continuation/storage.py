@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+import contbranch.continuation.curve as parts
 from contbranch.arrays import Array
-from contbranch.continuation import curve as parts
 from contbranch.continuation.curve import Curve, Outcome, Point
 from contbranch.continuation.problem import Problem
 from contbranch.errors import InputError, ModelError
