@@ -90,20 +90,21 @@ def checked(problem: Problem, x: Array, p: float) -> Callable[[], None]:
     CorrectionError
         If the problem fails.
     """
-    owner = getattr(getattr(problem, "function", problem), "__name__", type(problem).__name__)
+    owner = type(problem).__name__
 
     def check(name: str, value: Any, wanted: tuple[int, ...]) -> None:
         shape = np.shape(value) or getattr(value, "shape", ())
         if shape != wanted:
+            whose = name.replace("residual", "f") if isinstance(problem, FunctionProblem) else f"{owner}.{name}"
             how = ", for instance by numpy.ravel" if shape == (*wanted, 1) else ""
-            raise InputError(f"{name} of {owner} has the shape {shape}: return one of shape {wanted}{how}.")
+            raise InputError(f"{whose} has the shape {shape}: return {wanted}{how}.")
 
     with evaluating(p):
         first = problem.residual(x, p)
-    check("The residual F(x, p)", first, x.shape)
+    check("residual", first, x.shape)
     at = linearise(problem, x, p)
-    check("The parameter derivative", at.parameter_derivative, x.shape)
-    check("The Jacobian", at.jacobian, 2 * x.shape)
+    check("parameter_derivative", at.parameter_derivative, x.shape)
+    check("jacobian", at.jacobian, 2 * x.shape)
     memory: list[Any] = [getattr(value, "data", None) for value in (first, at.parameter_derivative, at.jacobian)]
     written = [(place, hash(place.tobytes())) for place in memory if hasattr(place, "tobytes")]
 

@@ -111,12 +111,12 @@ def column(x, p):
 @pytest.mark.parametrize(
     ("f", "how", "said"),
     [
-        (column, {}, r"column has the shape \(2, 1\).*shape \(2,\).*ravel"),
+        (column, {}, r"^f has the shape \(2, 1\): return \(2,\).*ravel"),
         (lambda x, p: [p], {}, r"\(1,\).*\(2,\)"),
         (lambda x, p: p - x[0], {}, r"the shape \(1,\).*\(2,\)|the shape \(\).*\(2,\)"),
-        (brackets, {"jacobian": lambda x, p: np.ones((2, 3))}, r"Jacobian .*\(2, 3\).*\(2, 2\)"),
-        (brackets, {"jacobian": lambda x, p: sparse.eye_array(3)}, r"Jacobian .*\(3, 3\).*\(2, 2\)"),
-        (brackets, {"parameter_derivative": lambda x, p: [[1.0], [0.0]]}, r"parameter derivative .*\(2, 1\).*ravel"),
+        (brackets, {"jacobian": lambda x, p: np.ones((2, 3))}, r"^jacobian .*\(2, 3\).*\(2, 2\)"),
+        (brackets, {"jacobian": lambda x, p: sparse.eye_array(3)}, r"^jacobian .*\(3, 3\).*\(2, 2\)"),
+        (brackets, {"parameter_derivative": lambda x, p: [[1.0], [0.0]]}, r"^parameter_derivative .*\(2, 1\).*ravel"),
     ],
 )
 def test_shapes_are_checked_at_the_first_call(f, how, said):
@@ -129,7 +129,7 @@ def test_shapes_of_a_problem_are_checked():
         def residual(self, x, p):
             return column(x, p)
 
-    with pytest.raises(InputError, match=r"Column has the shape \(2, 1\)"):
+    with pytest.raises(InputError, match=r"Column\.residual has the shape \(2, 1\)"):
         trace_curve(Column(), [1.0, 1.0], 1.0, (-1.0, 2.0))
 
 
