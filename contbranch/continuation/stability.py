@@ -12,7 +12,7 @@ import scipy
 from contbranch.arrays import AnyArray
 from contbranch.continuation.bordered import DENSE_UP_TO, as_matrix
 from contbranch.continuation.curve import Curve, HopfPoint, Located, Point, stacked
-from contbranch.continuation.events import Event, Happening, zeros
+from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.newton import ROUNDING, CorrectionError, evaluating
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Problem, size_of
@@ -112,7 +112,7 @@ class HopfEvent(Event):
         for first in range(max(few - 1, 0), min(many + 1, begin.size, end.size)):
             if max(abs(begin[first]), abs(end[first])) <= UNSIGNED * rounding:
                 continue  # on the axis all along, as in conservative systems
-            for zero in zeros(HopfEvent(self.spectrum, first), segment, None, options):
+            for zero in Event.happenings(HopfEvent(self.spectrum, first), segment, None, options):
                 at, pair = zero.event, self._crossing_pair(zero.event.point, UNSIGNED * rounding)
                 if pair is None or any(abs(zero.theta - other.theta) < SAME_PLACE for other in found):
                     continue

@@ -8,11 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from contbranch.continuation.course import Course
 from contbranch.continuation.curve import BranchPoint, Curve, End, Outcome, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
-from contbranch.continuation.follow import Branch
+from contbranch.continuation.follow import Branch, Course
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options, StopAt

@@ -11,12 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from contbranch.continuation.bordered import Bordered
-from contbranch.continuation.course import Course
 from contbranch.continuation.curve import Curve, End, Outcome, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
 from contbranch.continuation.folds import second_derivative
-from contbranch.continuation.follow import Branch
+from contbranch.continuation.follow import Branch, Course
 from contbranch.continuation.functions import Function, JacobianFunction, as_problem, checked
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import (
