@@ -12,7 +12,7 @@ import scipy
 from contbranch.arrays import AnyArray
 from contbranch.continuation.bordered import DENSE_UP_TO, as_matrix
 from contbranch.continuation.curve import Curve, HopfPoint, Located, Point, stacked
-from contbranch.continuation.events import Event, Happening
+from contbranch.continuation.events import DEAR, Event, Happening
 from contbranch.continuation.newton import ROUNDING, CorrectionError, evaluating
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Problem, size_of
@@ -24,8 +24,6 @@ DENSE_AT_MOST = 2000
 UNSIGNED = 1e2
 # Share of a step on either side of a Hopf point by which the slope is measured there.
 SLOPE_HALF_WIDTH = 1e-3
-# Two pairs that cross closer than this share of a step are one event, as where a symmetry makes them equal.
-SAME_PLACE = 1e-8
 
 
 class Spectrum:
@@ -65,9 +63,9 @@ def _unstable_of_sparse(matrix: Any) -> AnyArray | None:
     even, odd = (matrix + matrix.T) / 2, abs(matrix - matrix.T) / 2
     diagonal = even.diagonal()
     right = float((diagonal - abs(diagonal) + abs(even).sum(axis=1)).max())
-    # At no eigenvalue: not at zero, where folds have one, and at no round share of the bound.
-    middle = max(right / math.sqrt(5), ROUNDING ** (1 / 3) * float(abs(matrix).sum(axis=1).max()))
-    reach = math.hypot(max(middle, right - middle), float(odd.sum(axis=1).max()))
+    # Not nearer to zero than to the bound, and at no eigenvalue: not at zero, where folds have one, nor a round share.
+    middle = max(right / math.sqrt(3), ROUNDING ** (1 / 3) * float(abs(matrix).sum(axis=1).max()))
+    reach = math.hypot(middle, float(odd.sum(axis=1).max()))
     start = np.cos(1.0 + np.arange(diagonal.size) ** 2 % 7919)  # without any symmetry
     for count in (10, 40, 160):
         if count > diagonal.size // 4:
@@ -81,57 +79,57 @@ def _unstable_of_sparse(matrix: Any) -> AnyArray | None:
 class HopfEvent(Event):
     """Where a pair of complex eigenvalues of f_x crosses the imaginary axis.
 
-    The sum of the real parts of two eigenvalues that are neighbours by real part is zero there, keeps its sign where a
-    real one crosses, and is smooth where a pair becomes two real ones. (It is zero at neutral saddles, λ and −λ, too.)
+    Eigenvalues are taken by falling real part: the number of unstable ones passes k where the real part of the k-th is
+    zero, which is continuous, whatever becomes of the others. A real eigenvalue that crosses is a fold or branch point.
 
     Parameters
     ----------
-    first : int
-        Which two are meant by `value`: this one and the next.
+    which : int
+        The eigenvalue that `value` belongs to, from 0.
     """
 
     name = "hopf"
 
-    def __init__(self, spectrum: Spectrum, first: int = 0) -> None:
-        self.spectrum, self.first = spectrum, first
+    def __init__(self, spectrum: Spectrum, which: int = 0) -> None:
+        self.spectrum, self.which = spectrum, which
 
     def value(self, point: Point) -> float:
-        """Return the sum of the real parts of two eigenvalues."""
-        return float(self._sums(point)[self.first])
-
-    def _sums(self, point: Point) -> AnyArray:
-        real = self.spectrum(point).real
-        return np.asarray(real[:-1] + real[1:])
+        """Return the real part of the eigenvalue."""
+        return float(self.spectrum(point)[self.which].real)
 
     def happenings(self, segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
-        """Return the Hopf points within a step: zeros of the sums whose signs change, and of the two nearest zero."""
-        begin, end = self._sums(segment.begin), self._sums(segment.end)
-        few, many = sorted(int(np.count_nonzero(sums > 0)) for sums in (begin, end))
-        rounding = _rounding(segment.end, self.spectrum(segment.end))
+        """Return the Hopf points within a step.
+
+        Looked for are zeros of all real parts that have both signs at the ends of the step and at places inside, and of
+        the two next to them.
+        """
+        inside = [replace(segment.begin, x=x, parameter=p) for x, p in map(segment.at, DEAR)]
+        real = [self.spectrum(point).real for point in (segment.begin, *inside, segment.end)]
+        positive = [int(np.count_nonzero(parts > 0)) for parts in real]
+        error = _rounding(segment.end, self.spectrum(segment.end))
         found: list[Happening] = []
-        for first in range(max(few - 1, 0), min(many + 1, begin.size, end.size)):
-            if max(abs(begin[first]), abs(end[first])) <= UNSIGNED * rounding:
+        for which in range(max(min(positive) - 1, 0), min(max(positive) + 1, *(parts.size for parts in real))):
+            if max(abs(parts[which]) for parts in real) <= UNSIGNED * error:
                 continue  # on the axis all along, as in conservative systems
-            for zero in Event.happenings(HopfEvent(self.spectrum, first), segment, None, options):
-                at, pair = zero.event, self._crossing_pair(zero.event.point, UNSIGNED * rounding)
-                if pair is None or any(abs(zero.theta - other.theta) < SAME_PLACE for other in found):
-                    continue
-                located = self._located(segment, zero.theta, at, first, rounding)
-                found.append(Happening(zero.theta, replace(located, frequency=float(abs(pair.imag)))))
+            event, known = HopfEvent(self.spectrum, which), list(found)
+            for zero in Event.happenings(event, segment, None, options):
+                pair = self._crossing_pair(zero.event.point, UNSIGNED * error)
+                if pair is not None:
+                    point = event.located(segment, zero.theta, zero.event.point, pair, error)
+                    if not any(_same(point, other.event) for other in known):
+                        found.append(Happening(zero.theta, point))
         return found
 
-    def _located(self, segment: Segment, theta: float, at: Located, first: int, rounding: float) -> HopfPoint:
-        """Return the Hopf point at a place of a step, with errors by the slope of the sum there."""
-        sums = []
-        for place in (theta - SLOPE_HALF_WIDTH, theta + SLOPE_HALF_WIDTH):
-            x, p = segment.at(place)
-            sums.append(self._sums(replace(at.point, x=x, parameter=p))[first])
-        slope = max(abs(sums[1] - sums[0]) / (2 * SLOPE_HALF_WIDTH), np.finfo(float).tiny)
-        share = float((abs(self._sums(at.point)[first]) + rounding) / slope)
+    def located(self, segment: Segment, theta: float, at: Point, pair: complex, rounding: float) -> HopfPoint:
+        """Return the Hopf point at a place of a step, with errors by the slope of the real part there."""
+        beside = (segment.at(theta + side) for side in (-SLOPE_HALF_WIDTH, SLOPE_HALF_WIDTH))
+        below, above = (self.value(replace(at, x=x, parameter=p)) for x, p in beside)
+        slope = max(abs(above - below) / (2 * SLOPE_HALF_WIDTH), float(np.finfo(float).tiny))
+        share = (abs(self.value(at)) + rounding) / slope
         u, a = segment.direction(theta)
-        size = ROUNDING * abs(at.parameter), ROUNDING * size_of(at.point.problem, at.x)
-        error, state_error = 4 * (share * abs(a) + size[0]), 4 * (share * size_of(at.point.problem, u) + size[1])
-        return HopfPoint(replace(at.point, label="hopf"), error, state_error)
+        error = 4 * (share * abs(a) + ROUNDING * abs(at.parameter))
+        state_error = 4 * (share * size_of(at.problem, u) + ROUNDING * size_of(at.problem, at.x))
+        return HopfPoint(replace(at, label="hopf"), error, state_error, frequency=float(abs(pair.imag)))
 
     def _crossing_pair(self, point: Point, noise: float) -> complex | None:
         """Return the eigenvalue of a complex pair on the imaginary axis; None where there is none."""
@@ -139,6 +137,12 @@ class HopfEvent(Event):
         values = values[np.abs(values.imag) > noise]
         nearest = values[np.argmin(np.abs(values.real))] if values.size else None
         return nearest if nearest is not None and abs(nearest.real) <= noise + ROUNDING**0.5 * abs(nearest) else None
+
+
+def _same(one: Located, other: Located) -> bool:
+    """Whether two points are one but for their errors: of both eigenvalues of a pair, or of pairs that are equal."""
+    apart = size_of(one.point.problem, one.x - other.x), abs(one.parameter - other.parameter)
+    return apart[0] <= one.state_error + other.state_error and apart[1] <= one.error + other.error
 
 
 def with_stability(curve: Curve, spectrum: Spectrum) -> Curve:

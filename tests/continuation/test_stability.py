@@ -142,6 +142,31 @@ def test_a_pair_that_is_unstable_for_a_part_of_a_step(gap):
     assert 2 in curve.unstable_between
 
 
+@pytest.mark.parametrize("seed", [0, 13, 22, 36, 67, 78, 85, 89, 111, 124])
+def test_every_hopf_point_of_random_matrices(seed):
+    """Along x = 0 eigenvalues collide, and change their order, within steps that see nothing of that."""
+    generator = np.random.default_rng(seed)
+    n = int(generator.integers(2, 7))
+    parts = [generator.normal(size=(n, n)) for _ in range(3)]
+
+    def matrix(p):
+        return parts[0] + p * parts[1] + 0.5 * np.sin(3 * p) * parts[2]
+
+    def jacobian(x, p):
+        return matrix(p) - 3 * np.diag(x**2)
+
+    curve = trace_curve(
+        lambda x, p: matrix(p) @ x - x**3, np.zeros(n), -2.0, (-2.0, 2.0), jacobian=jacobian, stability=True
+    )
+    places = np.linspace(-2.0, 2.0, 4001)
+    counts = (np.linalg.eigvals(np.array([matrix(p) for p in places])).real > 0).sum(axis=1)
+    expected = places[:-1][np.abs(np.diff(counts)) == 2]
+    assert [point.parameter for point in curve.hopf_points] == pytest.approx(list(expected), abs=1.1e-3)
+    for point in curve.hopf_points:
+        pair = np.linalg.eigvals(matrix(point.parameter))
+        assert np.abs(pair.real).min() < 1e-11
+
+
 def test_two_equal_pairs_are_one_hopf_point():
     """As where a symmetry makes them equal."""
 
