@@ -91,8 +91,12 @@ def checked(problem: Problem, x: Array, p: float) -> Callable[[], None]:
         If the problem fails.
     """
     owner = type(problem).__name__
+    written: list[tuple[Any, int]] = []
 
     def check(name: str, value: Any, wanted: tuple[int, ...]) -> None:
+        memory: Any = getattr(value, "data", None)
+        if hasattr(memory, "tobytes"):
+            written.append((memory, hash(memory.tobytes())))
         shape = np.shape(value) or getattr(value, "shape", ())
         if shape != wanted:
             whose = name.replace("residual", "f") if isinstance(problem, FunctionProblem) else f"{owner}.{name}"
@@ -105,8 +109,6 @@ def checked(problem: Problem, x: Array, p: float) -> Callable[[], None]:
     at = linearise(problem, x, p)
     check("parameter_derivative", at.parameter_derivative, x.shape)
     check("jacobian", at.jacobian, 2 * x.shape)
-    memory: list[Any] = [getattr(value, "data", None) for value in (first, at.parameter_derivative, at.jacobian)]
-    written = [(place, hash(place.tobytes())) for place in memory if hasattr(place, "tobytes")]
 
     def unchanged() -> None:
         if any(hash(place.tobytes()) != before for place, before in written):

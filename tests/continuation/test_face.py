@@ -187,6 +187,18 @@ def test_a_problem_that_writes_over_its_result_is_refused(part):
         trace_curve(Buffer(), [1.0, 1.0], 1.0, (-1.0, 2.0))
 
 
+def test_a_problem_that_is_nothing_but_a_buffer_is_refused():
+    class Buffer(Problem):
+        out = np.empty(1)
+
+        def residual(self, x, p):
+            self.out[:] = p - x
+            return self.out
+
+    with pytest.raises(InputError, match="Buffer writes"):
+        trace_curve(Buffer(), [0.5], 0.0, (-1.0, 1.0))
+
+
 def test_a_problem_may_return_a_constant_or_what_it_has_kept():
     class Kept(Problem):
         matrix, slope = -np.eye(1), np.ones(1)
