@@ -12,6 +12,7 @@ from contbranch.continuation.curve import (
     End,
     EventPoint,
     Fold,
+    HopfPoint,
     IndexChange,
     Located,
     Outcome,
@@ -19,12 +20,14 @@ from contbranch.continuation.curve import (
 )
 from contbranch.continuation.events import Crossing, Event, Extremum, Happening, TangentCrossing
 from contbranch.continuation.folds import locate_fold
+from contbranch.continuation.functions import other_solutions
 from contbranch.continuation.locate import find_root
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import Adaptation, Linearisation, Problem
 from contbranch.continuation.segment import Segment
+from contbranch.continuation.storage import load_curve
 from contbranch.continuation.switching import switch_branch
 from contbranch.continuation.trace import trace_curve
 from contbranch.continuation.two_parameters import Cusp, FoldCurve, trace_folds
@@ -45,6 +48,7 @@ __all__ = [
     "Fold",
     "FoldCurve",
     "Happening",
+    "HopfPoint",
     "IndexChange",
     "Linearisation",
     "Located",
@@ -60,7 +64,9 @@ __all__ = [
     "correct",
     "factorise",
     "find_root",
+    "load_curve",
     "locate_fold",
+    "other_solutions",
     "switch_branch",
     "trace_curve",
     "trace_folds",

@@ -2,32 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
 from contbranch.arrays import AnyArray, Array
-from contbranch.continuation.problem import Problem, size_of
+from contbranch.continuation.problem import Direction, Problem
+from contbranch.errors import InputError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from contbranch.continuation.plotting import Quantity
 
 
 class Outcome(Enum):
-    """Why a curve ends where it ends; the value is the sentence to show."""
+    """Why a curve ends where it ends; the value is the sentence to show.
 
-    REACHED_EDGE = "The curve reached the edge of the parameter range."
-    APPROACHES_EDGE = "The curve approaches the edge of the parameter range without reaching it."
-    STARTED_ON_EDGE = "The curve starts on the edge of the parameter range."
-    CLOSED = "The curve is closed: it came back to its start."
-    STOPPED_AT_FOLD = "The number of folds asked for was reached."
-    STOPPED_AT_EVENT = "The event asked for was reached."
-    STOPPED_BY_PREDICATE = "The stop condition given by the user was met."
+    Attributes
+    ----------
+    complete : bool
+        Whether nothing of the curve asked for is missing.
+    """
+
+    REACHED_EDGE = "The curve reached the edge of the parameter range.", True
+    APPROACHES_EDGE = "The curve approaches the edge of the parameter range without reaching it.", True
+    STARTED_ON_EDGE = "The curve starts on the edge of the parameter range.", True
+    CLOSED = "The curve is closed: it came back to its start.", True
+    ONE_DIRECTION = "The other direction was not asked for.", True
+    STOPPED_AT_FOLD = "The number of folds asked for was reached.", True
+    STOPPED_AT_EVENT = "The event asked for was reached.", True
+    STOPPED_BY_PREDICATE = "The stop condition given by the user was met.", True
+    NORM_LIMIT = "The state's norm exceeds norm_limit.", True
     MAXIMUM_POINTS = "The largest number of points allowed was reached before the end of the curve."
+    TIME_LIMIT = "The time limit was reached before the end of the curve."
     START_FAILED = "No solution was found near the start."
     STEP_TOO_SMALL = "Newton's method failed at the smallest step."
     TURNED_BACK = "The steps turned back along the curve."
@@ -35,23 +51,13 @@ class Outcome(Enum):
     INTERRUPTED = "The computation was interrupted."
     EVALUATION_FAILED = "The problem raised an error, even at the smallest step."
 
-    @property
-    def complete(self) -> bool:
-        """Whether nothing of the curve asked for is missing."""
-        return self in _COMPLETE
+    complete: bool
 
-
-_COMPLETE = frozenset(
-    {
-        Outcome.REACHED_EDGE,
-        Outcome.APPROACHES_EDGE,
-        Outcome.STARTED_ON_EDGE,
-        Outcome.CLOSED,
-        Outcome.STOPPED_AT_FOLD,
-        Outcome.STOPPED_AT_EVENT,
-        Outcome.STOPPED_BY_PREDICATE,
-    }
-)
+    def __new__(cls, sentence: str, complete: bool = False) -> Self:
+        """Make an outcome from its sentence."""
+        outcome = object.__new__(cls)
+        outcome._value_, outcome.complete = sentence, complete
+        return outcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +210,17 @@ class BranchPoint(Located):
     scales: tuple[float, float] = (1.0, 1.0)
 
     @property
+    def tangents(self) -> tuple[Direction, ...]:
+        """Directions (u, a) in which x and p change along the curves that meet here, that of the one followed first.
+
+        Only that one where the others could not be computed.
+        """
+        followed = self.point.tangent_x, self.point.tangent_parameter
+        if self.other_x is None or self.other_parameter is None:
+            return (followed,)
+        return followed, (self.other_x, self.other_parameter)
+
+    @property
     def kind(self) -> str:
         """Kind of the event."""
         return "branch point"
@@ -238,6 +255,29 @@ class EventPoint(Located):
         return self.name
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class HopfPoint(EventPoint):
+    """A point where a pair of complex eigenvalues of f_x crosses the imaginary axis, for x' = f(x, p).
+
+    Attributes
+    ----------
+    frequency : float
+        ω > 0 of the eigenvalues ±iω. The period of the oscillations that begin here is 2π/ω.
+    """
+
+    name: str = "hopf"
+    frequency: float = float("nan")
+
+
+def stacked(rows: Sequence[AnyArray]) -> AnyArray:
+    """Return rows as a matrix, or as an array of arrays where their lengths differ."""
+    if len({row.size for row in rows}) <= 1:
+        return np.array(rows)
+    ragged = np.empty(len(rows), dtype=object)
+    ragged[:] = rows
+    return ragged
+
+
 @dataclass(frozen=True)
 class Curve:
     """A solution curve.
@@ -252,12 +292,23 @@ class Curve:
         How the curve ends before its first and after its last point.
     closed : bool
         Whether the curve came back to its start; first and last point are then the same.
+    eigenvalues : (m, n) array or None
+        Of the Jacobian f_x at the points, by falling real part; nan where they could not be computed. An array of m
+        arrays where their number changes on the way. None unless ``stability=True`` was asked for.
+    unstable : (m,) array or None
+        How many of them have a positive real part; at an event the lower number of those on the sides that were
+        followed. -1 where that is not known.
+    unstable_between : (m - 1,) array or None
+        The same between the points and their next.
     """
 
     points: tuple[Point, ...]
     events: tuple[Located, ...]
     ends: tuple[End, End]
     closed: bool = False
+    eigenvalues: AnyArray | None = None
+    unstable: AnyArray | None = None
+    unstable_between: AnyArray | None = None
 
     @cached_property
     def parameter(self) -> Array:
@@ -267,12 +318,7 @@ class Curve:
     @cached_property
     def x(self) -> AnyArray:
         """States of the points, shape (m, n); an array of m arrays where the discretisation was adapted on the way."""
-        states = [point.x for point in self.points]
-        if len({state.size for state in states}) <= 1:
-            return np.array(states)
-        ragged = np.empty(len(states), dtype=object)
-        ragged[:] = states
-        return ragged
+        return stacked([point.x for point in self.points])
 
     @cached_property
     def tangent_parameter(self) -> Array:
@@ -309,38 +355,74 @@ class Curve:
         """The branch points, in order along the curve."""
         return [event for event in self.events if isinstance(event, BranchPoint)]
 
+    @property
+    def hopf_points(self) -> list[HopfPoint]:
+        """The Hopf points, in order along the curve."""
+        return [event for event in self.events if isinstance(event, HopfPoint)]
+
     def named(self, name: str) -> list[EventPoint]:
         """Return the user events of one name, in order along the curve."""
         return [event for event in self.events if isinstance(event, EventPoint) and event.name == name]
 
-    def plot(self, observable: str | int | None = None) -> Figure:
-        """Draw the curve over the parameter, with its folds, branch points and other events.
+    def plot(self, x: Quantity = "parameter", y: Quantity = 0, ax: Axes | None = None, **line: Any) -> Figure:
+        """Draw the curve with its folds, branch points and other events: a bifurcation diagram.
+
+        It is drawn through the tangents, by a cubic between any two points; solid where it is stable and dashed where
+        it is not, if that is known (`trace_curve` with ``stability=True``). To draw several curves in one diagram give
+        them the same axes.
 
         Parameters
         ----------
-        observable : str or int, optional
-            What to draw: an observable by name, a component of the state by number; by default the state's norm
-            (of `Problem.inner`).
+        x, y : str, int or callable
+            What to draw: "parameter", a component of the state by its number, a function of (x, p), or an observable
+            by its name. Observables are known at the points alone, with straight lines between them.
+        ax : matplotlib Axes, optional
+            Where to draw; by default in a new figure.
+        **line
+            Properties of the line, as for matplotlib's `plot`: color, linewidth, label.
+
+        Returns
+        -------
+        matplotlib Figure
         """
-        from matplotlib.figure import Figure
+        from contbranch.continuation.plotting import draw
 
-        def height(point: Point) -> float:
-            if observable is None:
-                return size_of(point.problem, point.x)
-            return point.observables[observable] if isinstance(observable, str) else float(point.x[observable])
+        return draw(self, x, y, ax, line)
 
-        figure = Figure(layout="constrained")
-        shown = "‖x‖" if observable is None else observable if isinstance(observable, str) else f"x[{observable}]"
-        axes = figure.add_subplot(xlabel="p", ylabel=shown)
-        axes.plot(self.parameter, [height(point) for point in self.points], ".-", markersize=3)
-        markers = {"fold": "o", "branch point": "s"}
-        for kind in dict.fromkeys(event.kind for event in self.events):
-            events = [event for event in self.events if event.kind == kind]
-            heights = [height(event.point) for event in events]
-            axes.plot([event.parameter for event in events], heights, markers.get(kind, "x"), label=kind)
-        if self.events:
-            axes.legend()
-        return figure
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a row for every point: parameter, x[0], x[1], ..., observables, event and, where known, unstable.
+
+        The state is left out where its length changes along the curve. `event` is the kind of event at the point.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed (extra ``tables``).
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError:
+            raise InputError("to_dataframe: pandas is not installed; install contbranch[tables].") from None
+        state = self.x.T if self.x.ndim == 2 else ()
+        names = self.points[0].observables if self.points else ()
+        kinds = {event.index: event.kind for event in self.events}
+        columns = {"parameter": self.parameter, **{f"x[{i}]": row for i, row in enumerate(state)}}
+        columns |= {name: self.observable(name) for name in names}
+        if self.unstable is not None:
+            columns["unstable"] = self.unstable
+        return pd.DataFrame({**columns, "event": [kinds.get(i, "") for i in range(len(self.points))]})
+
+    def save(self, path: str | Path) -> None:
+        """Write the curve to a file of numpy's (.npz) that `load_curve` reads: all numbers, events and ends.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        """
+        from contbranch.continuation.storage import save
+
+        save(self, path)
 
     @property
     def outcome(self) -> Outcome:

@@ -1,4 +1,4 @@
-"""One direction of a curve: predict, correct, judge, look inside the step, accept."""
+"""What is asked of a curve, and one direction of it: predict, correct, judge, look inside the step, accept."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.branching import LeapError
-from contbranch.continuation.curve import End, EventPoint, Fold, Located, Outcome, Point
+from contbranch.continuation.curve import Curve, End, EventPoint, Fold, Located, Outcome, Point
 from contbranch.continuation.edge import Range, closes, land
 from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance
@@ -17,9 +19,11 @@ from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import UnresolvedError, size_of
 from contbranch.continuation.scan import scan
 from contbranch.continuation.segment import Segment
+from contbranch.continuation.stability import HopfEvent, Spectrum, with_stability
 from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, MARGIN, POINTS, RECOVERS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, examined, to_point, unit_tangent
-from contbranch.watch import INTERRUPTIONS, caught
+from contbranch.errors import InputError
+from contbranch.watch import INTERRUPTIONS, LATE, Interruption, Watch, caught, watched
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,15 +50,75 @@ class _Step:
 
 
 def follow(
-    start: Point,
-    balance: Balance,
-    interval: Range,
-    options: Options,
-    events: Sequence[Event],
-    stop: StopAt,
+    start: Point, balance: Balance, interval: Range, options: Options, events: Sequence[Event], stop: StopAt
 ) -> Branch:
     """Follow the curve from `start` along its tangent to its end in that direction."""
-    return _Direction(start, balance, interval, options, events, stop).followed()
+    return Course(options, events, stop).follow(start, balance, interval)
+
+
+class Course:
+    """What is asked of curves: what to look for, what ends them and who is told, as `trace_curve` documents it."""
+
+    def __init__(
+        self,
+        options: Options | None = None,
+        events: Sequence[Event] = (),
+        stop: StopAt | None = None,
+        callback: Callable[[Point], object] | None = None,
+        stability: bool = False,
+        time_limit: float | None = None,
+        norm_limit: float | None = None,
+    ) -> None:
+        for name, limit in (("time_limit", time_limit), ("norm_limit", norm_limit)):
+            if limit is not None and not limit > 0:
+                raise InputError(f"{name} is {limit!r}: give a positive number, or None for no limit.")
+        self.options, self.events, self.stop = options or Options(), list(events), stop or StopAt()
+        self.spectrum = Spectrum() if stability else None
+        if self.spectrum is not None:
+            self.events.append(HopfEvent(self.spectrum))
+        self.callback, self.time_limit = callback, time_limit
+        self.norm_limit = math.inf if norm_limit is None else norm_limit
+
+    def follow(self, start: Point, balance: Balance, interval: Range) -> Branch:
+        """Follow the curve from a point along its tangent."""
+        return _Direction(start, balance, interval, self).followed()
+
+    def visit(self, point: Point) -> End | None:
+        """Tell of a point that was accepted; return the end if the curve is to end there."""
+        if self.callback is not None:
+            try:
+                self.callback(point)
+            except Exception as error:
+                caught(error)
+                raise Interruption from error
+        above = self.norm_limit < math.inf and size_of(point.problem, point.x) > self.norm_limit
+        return End(Outcome.NORM_LIMIT) if above else None
+
+    def curves(self, compute: Callable[[], list[Curve]]) -> tuple[list[Curve], Watch]:
+        """Return the curves that are computed within the time limit, and the watch that hands them over."""
+        # Overflow in a trial point is answered by a shorter step; a warning would only alarm.
+        with watched(limit=self.time_limit) as watch, np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            try:
+                found = compute()
+            except CorrectionError as error:
+                told = error.outcome in (Outcome.NOT_FINITE, Outcome.EVALUATION_FAILED)
+                found = [_nothing(End(error.outcome if told else Outcome.START_FAILED, error.detail))]
+            except INTERRUPTIONS as error:
+                caught(error)
+                found = [_nothing(End(Outcome.INTERRUPTED))]
+            if self.spectrum is not None:
+                found = [with_stability(curve, self.spectrum) for curve in found]
+        if watch.reason.startswith(LATE):
+            found = [replace(curve, ends=(_late(curve.ends[0]), _late(curve.ends[1]))) for curve in found]
+        return found, watch
+
+
+def _nothing(end: End) -> Curve:
+    return Curve((), (), (end, end))
+
+
+def _late(end: End) -> End:
+    return End(Outcome.TIME_LIMIT) if end.outcome is Outcome.INTERRUPTED else end
 
 
 class _Direction:
@@ -63,16 +127,9 @@ class _Direction:
     The last points, on one discretisation, foretell the next; the first attempt at it is a step of that length.
     """
 
-    def __init__(
-        self,
-        start: Point,
-        balance: Balance,
-        interval: Range,
-        options: Options,
-        events: Sequence[Event],
-        stop: StopAt,
-    ) -> None:
-        self.start, self.interval, self.options, self.events, self.stop = start, interval, options, events, stop
+    def __init__(self, start: Point, balance: Balance, interval: Range, course: Course) -> None:
+        options = course.options
+        self.start, self.interval, self.course, self.options = start, interval, course, options
         self.branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
         self.balance, self.metric = balance, balance.metric(options.weight, options.state_floor)
         self.recent, self.count, self.reach = [start], 1, math.inf
@@ -209,7 +266,7 @@ class _Direction:
             segment = Segment(segment.begin, annotated(land(segment, edge, options), label="edge"), segment.metric)
             end = End(Outcome.REACHED_EDGE)
         last = Segment(self.recent[-2], self.recent[-1], segment.metric) if len(self.recent) > 1 else None
-        happenings = scan(segment, self.events, options, last, ahead if end is None else None)
+        happenings = scan(segment, self.course.events, options, last, ahead if end is None else None)
         outside = next((h for h in happenings if not interval.contains(h.event.parameter)), None)
         if outside is not None:
             edge = interval.edge_beyond(outside.event.parameter)
@@ -245,17 +302,23 @@ class _Direction:
 
     def _record(self, taken: _Step) -> End | None:
         """Append a step's events and end point to the branch; return the end if a stop condition is met."""
-        branch, stop = self.branch, self.stop
+        branch, stop = self.branch, self.course.stop
         for happening in taken.happenings:
             branch.events.append((happening.event, len(branch.points)))
-            branch.points.append(happening.event.point)
+            ended = self._append(happening.event.point)
             if isinstance(happening.event, Fold) and stop.folds == sum(isinstance(e, Fold) for e, _ in branch.events):
                 return End(Outcome.STOPPED_AT_FOLD)
             if happening.terminal:
                 return End(Outcome.STOPPED_AT_EVENT)
-        branch.points.append(taken.segment.end)
+            if ended is not None:
+                return ended
+        ended = self._append(taken.segment.end)
         if taken.end is not None:
             return taken.end
         if stop.predicate is not None and stop.predicate(taken.segment.end):
             return End(Outcome.STOPPED_BY_PREDICATE)
-        return None
+        return ended
+
+    def _append(self, point: Point) -> End | None:
+        self.branch.points.append(point)
+        return self.course.visit(point)

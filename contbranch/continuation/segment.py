@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
-from contbranch.continuation.problem import Array, Direction
+from contbranch.continuation.problem import Array, Direction, size_of
 
 # Steps towards a point's fraction, which contract by how far it lies off the cubic in units of its radius of curvature.
 FEET = 3
@@ -74,3 +74,9 @@ class Segment:
         a = self.begin
         along = self.metric.dot(a.problem, x - a.x, p - a.parameter, *self.chord)
         return along / self.length**2 if self.length > 0 else 0.0
+
+
+def segment_between(begin: Point, end: Point) -> Segment:
+    """Return the segment between two points in a metric of its own, in which state and parameter count alike."""
+    change = size_of(begin.problem, end.x - begin.x), abs(end.parameter - begin.parameter)
+    return Segment(begin, end, Metric(change[0] or 1.0, change[1] or 1.0))

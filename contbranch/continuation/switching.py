@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from contbranch.continuation.curve import BranchPoint, Curve, End, Outcome, Point
-from contbranch.continuation.follow import Branch, follow
+from contbranch.continuation.edge import Range
+from contbranch.continuation.events import Event
+from contbranch.continuation.follow import Branch, Course
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import CorrectionError
 from contbranch.continuation.options import Options, StopAt
@@ -24,7 +27,17 @@ NEARER = 0.3
 
 
 def switch_branch(
-    curve: Curve, branch_point: BranchPoint, parameter_range: tuple[float, float], options: Options | None = None
+    curve: Curve,
+    branch_point: BranchPoint,
+    parameter_range: tuple[float, float],
+    options: Options | None = None,
+    *,
+    events: Sequence[Event] = (),
+    stop: StopAt | None = None,
+    callback: Callable[[Point], object] | None = None,
+    stability: bool = False,
+    time_limit: float | None = None,
+    norm_limit: float | None = None,
 ) -> list[Curve]:
     """Follow the curves that cross at a branch point, without the one given, in both directions each.
 
@@ -43,6 +56,8 @@ def switch_branch(
         Lowest and highest parameter, as for `trace_curve`.
     options : Options, optional
         Step control, tolerances.
+    events, stop, callback, stability, time_limit, norm_limit
+        As for `trace_curve`.
 
     Returns
     -------
@@ -60,11 +75,19 @@ def switch_branch(
     if branch_point.other_x is None or branch_point.other_parameter is None:
         raise InputError("branch_point has no single crossing direction: more than two curves may meet there.")
     interval = interval_around(parameter_range, branch_point.parameter)
-    options = options or Options()
-    here = branch_point.point
+    course = Course(options, events, stop, callback, stability, time_limit, norm_limit)
+    branch_point.point.problem.residual(branch_point.x, branch_point.parameter)  # a curve from a file raises here
+    found, watch = course.curves(lambda: _crossing(branch_point, interval, course))
+    return watch.passed(found)
+
+
+def _crossing(branch_point: BranchPoint, interval: Range, course: Course) -> list[Curve]:
+    """Follow the curve that crosses at a branch point."""
+    options, here = course.options, branch_point.point
     problem = here.problem
-    sign = -1.0 if branch_point.other_parameter < 0 else 1.0
-    u, a = sign * branch_point.other_x, sign * branch_point.other_parameter
+    u, a = branch_point.tangents[1]
+    if a < 0:
+        u, a = -u, -a
     halves = []
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         balance = Balance(*branch_point.scales)
@@ -74,7 +97,7 @@ def switch_branch(
             if start is None or not interval.contains(start.parameter):
                 halves.append(Branch([], [], End(Outcome.START_FAILED, "(No point beside the branch point.)")))
                 continue
-            half = follow(start, balance, interval, options, (), StopAt())
+            half = course.follow(start, balance, interval)
             if half.end.outcome is Outcome.CLOSED:
                 return [joined(start, half, Branch([], [], half.end))]
             halves.append(Branch([start, *half.points], [(event, i + 1) for event, i in half.events], half.end))

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from contbranch.continuation.bordered import Bordered
-from contbranch.continuation.curve import Curve, End, Located, Outcome, Point
+from contbranch.continuation.curve import Curve, End, Outcome, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
 from contbranch.continuation.folds import second_derivative
-from contbranch.continuation.follow import Branch, follow
+from contbranch.continuation.follow import Branch, Course
+from contbranch.continuation.functions import Function, JacobianFunction, as_problem, checked
 from contbranch.continuation.metric import Balance, Metric
 from contbranch.continuation.newton import (
     CorrectionError,
@@ -29,22 +31,29 @@ from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import Array, Direction, Problem, size_of
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
-from contbranch.watch import watched
 
 # How often the scales of a start next to a fold are improved.
 BENDS = 10
 
 
 def trace_curve(
-    problem: Problem,
+    f: Problem | Function,
     x0: npt.ArrayLike,
     p0: float,
     parameter_range: tuple[float, float],
     options: Options | None = None,
     events: Sequence[Event] = (),
     stop: StopAt | None = None,
+    *,
+    jacobian: JacobianFunction | None = None,
+    parameter_derivative: Function | None = None,
+    callback: Callable[[Point], object] | None = None,
+    stability: bool = False,
+    direction: Literal["both", "forward", "backward"] = "both",
+    time_limit: float | None = None,
+    norm_limit: float | None = None,
 ) -> Curve:
-    """Follow the solution curve of F(x, p) = 0 through (x0, p0) in both directions.
+    """Follow the solution curve of F(x, p) = 0 through (x0, p0).
 
     Each direction ends where p leaves the range (exactly on its edge), where the curve closes, or at a stop
     condition; a start on an edge goes inwards. What could be followed is always returned; `Curve.status`,
@@ -52,8 +61,10 @@ def trace_curve(
 
     Parameters
     ----------
-    problem : Problem
-        F and its derivatives.
+    f : callable or Problem
+        F as a function f(x, p) of the state, an (n,) array, and the parameter, a float, which returns n numbers; where
+        n is one, x is a (1,) array and a number may be returned. Or an object of a subclass of `Problem`, for more than
+        derivatives: inner products, observables, discretisations that adapt.
     x0 : (n,) array_like
         State close to a solution at p0.
     p0 : float
@@ -66,6 +77,28 @@ def trace_curve(
         Functions whose zeros along the curve are located.
     stop : StopAt, optional
         Conditions that end the curve earlier.
+    jacobian : callable, optional
+        dF/dx as a function of (x, p), where f is a function: (n, n), dense, a scipy sparse array or matrix, or a
+        `LinearOperator`. By default central differences, see `Problem.jacobian`.
+    parameter_derivative : callable, optional
+        dF/dp as a function of (x, p), (n,), where f is a function. By default a central difference.
+    callback : callable, optional
+        Called with every `Point` behind the start when it is accepted. `contbranch.Stop` raised there ends the curve;
+        any other exception, too, and is passed on.
+    stability : bool
+        Whether to compute the eigenvalues of the Jacobian f_x, which tell the stability of the equilibria of
+        x' = f(x, p): `Curve.eigenvalues`, `Curve.unstable`, and Hopf points among the events, `Curve.hopf_points`.
+        Of a sparse matrix with more than 128 rows not all are computed: those that are unstable and some that are not,
+        by ARPACK, as many as bounds of the real and imaginary parts ask for; where these ask for too many, all, and
+        with more than 2000 rows the curve ends. About seven eigenvalue problems are solved for each point. Give the
+        `jacobian`: differences leave ten digits of the eigenvalues.
+    direction : {"both", "forward", "backward"}
+        Where to follow the curve from its start: forward, p increases there.
+    time_limit : float, optional
+        Seconds after which the curve ends.
+    norm_limit : float, optional
+        The curve ends behind the first point at which the state's norm, that of `Problem.inner` (by default the root
+        mean square of x), is larger.
 
     Returns
     -------
@@ -75,26 +108,32 @@ def trace_curve(
     Raises
     ------
     InputError
-        If the start or the range cannot be used. Failures of the problem are not raised but reported.
-    KeyboardInterrupt
+        If the start, the range or the shape of what F returns cannot be used, or if F writes it into the same array
+        again. Failures of F are not raised but reported.
+    TypeError
+        If f is neither a function nor a `Problem`.
+    KeyboardInterrupt, or what the callback raises
         With the curve followed so far as its attribute ``partial``.
     """
-    options = options or Options()
-    stop = stop or StopAt()
+    course = Course(options, events, stop, callback, stability, time_limit, norm_limit)
+    problem = as_problem(f, jacobian, parameter_derivative)
+    if direction not in ("both", "forward", "backward"):
+        raise InputError(f"direction is {direction!r}: give 'both', 'forward' or 'backward'.")
     interval = interval_around(parameter_range, p0)
     x = np.atleast_1d(np.array(x0, dtype=float))
     if x.ndim != 1 or x.size == 0 or not np.all(np.isfinite(x)):
         raise InputError("x0 must be a one-dimensional array of finite numbers with at least one element.")
-    # Overflow in a trial point is answered by a shorter step; a warning would only alarm.
-    with watched() as watch, np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+
+    def compute() -> list[Curve]:
+        unchanged = checked(problem, x, float(p0))
         try:
-            _check_shapes(problem, x, float(p0))
-            start, balance = _start(problem, x, float(p0), interval, options)
-        except CorrectionError as error:
-            told = error.outcome in (Outcome.NOT_FINITE, Outcome.EVALUATION_FAILED)
-            end = End(error.outcome if told else Outcome.START_FAILED, error.detail)
-            return Curve((), (), (end, end))
-        curve = joined(start, *_both_directions(start, balance, interval, options, events, stop))
+            start, balance = _start(problem, x, float(p0), interval, course.options)
+            unchanged()
+            return [joined(start, *_ways(start, balance, interval, direction, course))]
+        finally:
+            unchanged()
+
+    (curve,), watch = course.curves(compute)
     return watch.passed(curve)
 
 
@@ -106,15 +145,6 @@ def interval_around(parameter_range: tuple[float, float], p0: float) -> Range:
     if not (math.isfinite(p0) and low <= p0 <= high):
         raise InputError(f"p0 is {p0}: give a start inside parameter_range ({low}, {high}).")
     return Range(low, high)
-
-
-def _check_shapes(problem: Problem, x: Array, p: float) -> None:
-    """Raise InputError where what the problem returns at the start has another shape than it must have."""
-    at = linearise(problem, x, p)
-    parts = ("residual", at.residual, (x.size,)), ("parameter_derivative", at.parameter_derivative, (x.size,))
-    for name, value, wanted in (*parts, ("jacobian", at.jacobian, (x.size, x.size))):
-        if np.shape(value) != wanted and getattr(value, "shape", ()) != wanted:
-            raise InputError(f"{type(problem).__name__}.{name} has the shape {np.shape(value)}: return {wanted}.")
 
 
 def _start(problem: Problem, x: Array, p: float, interval: Range, options: Options) -> tuple[Point, Balance]:
@@ -163,30 +193,29 @@ def _bending(
     return found
 
 
-def _both_directions(
-    start: Point, balance: Balance, interval: Range, options: Options, events: Sequence[Event], stop: StopAt
-) -> tuple[Branch, Branch]:
-    """Follow the curve forwards and, unless it closes, backwards."""
-    reverse = start.turned()
-    skipped = Branch([], [], End(Outcome.STARTED_ON_EDGE))
-    inwards = abs(start.tangent_parameter) > 1e-12
-    if start.parameter == interval.high and inwards:
-        return skipped, follow(reverse, balance, interval, options, events, stop)
-    forward = follow(start, balance, interval, options, events, stop)
-    if forward.end.outcome is Outcome.CLOSED:
-        return forward, Branch([], [], End(Outcome.CLOSED))
-    if start.parameter == interval.low and inwards:
-        return forward, skipped
-    return forward, follow(reverse, balance, interval, options, events, stop)
+def _ways(start: Point, balance: Balance, interval: Range, direction: str, course: Course) -> tuple[Branch, Branch]:
+    """Follow the curve forwards and, unless it closes, backwards, as far as that is asked for."""
+    ways: list[Branch] = []
+    for way, point, edge in (("forward", start, interval.high), ("backward", start.turned(), interval.low)):
+        if direction not in ("both", way):
+            end = End(Outcome.ONE_DIRECTION)
+        elif start.parameter == edge and abs(start.tangent_parameter) > 1e-12:
+            end = End(Outcome.STARTED_ON_EDGE)
+        elif ways and ways[0].end.outcome is Outcome.CLOSED:
+            end = ways[0].end
+        else:
+            ways.append(course.follow(point, balance, interval))
+            continue
+        ways.append(Branch([], [], end))
+    return ways[0], ways[1]
 
 
 def joined(start: Point, forward: Branch, backward: Branch) -> Curve:
     """Return one curve from both branches, oriented along the forward one."""
     before = [point.turned() for point in reversed(backward.points)]
     points = (*before, start, *forward.points)
-    located: list[Located] = []
-    for event, index in reversed(backward.events):
-        located.append(replace(event.turned(), index=len(before) - 1 - index))
-    located += [replace(event, index=len(before) + 1 + index) for event, index in forward.events]
-    closed = forward.end.outcome is Outcome.CLOSED
-    return Curve(points, tuple(located), (backward.end, forward.end), closed)
+    located = [(event.turned(), len(before) - 1 - index) for event, index in reversed(backward.events)]
+    located += [(event, len(before) + 1 + index) for event, index in forward.events]
+    events = tuple(replace(event, point=points[index], index=index) for event, index in located)
+    closed = Outcome.CLOSED in (backward.end.outcome, forward.end.outcome)
+    return Curve(points, events, (backward.end, forward.end), closed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -14,7 +14,8 @@ from contbranch.continuation.bordered import as_matrix, bordered_matrix, factori
 from contbranch.continuation.curve import Curve, Fold, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
-from contbranch.continuation.options import Options
+from contbranch.continuation.functions import Function, as_problem
+from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
 from contbranch.continuation.trace import interval_around, trace_curve
 from contbranch.errors import InputError
@@ -81,11 +82,18 @@ class FoldCurve:
 
 
 def trace_folds(
-    make_problem: Callable[[float], Problem],
+    make_problem: Callable[[float], Problem | Function],
     fold: Fold,
     q: float,
     q_range: tuple[float, float],
     options: Options | None = None,
+    *,
+    events: Sequence[Event] = (),
+    stop: StopAt | None = None,
+    callback: Callable[[Point], object] | None = None,
+    direction: Literal["both", "forward", "backward"] = "both",
+    time_limit: float | None = None,
+    norm_limit: float | None = None,
 ) -> FoldCurve:
     """Follow a fold in a second parameter, through the cusps where it meets another one.
 
@@ -97,8 +105,8 @@ def trace_folds(
     Parameters
     ----------
     make_problem : callable
-        Returns the problem at a value of q; its discretisation must not change with q. Where its Jacobian is no matrix,
-        all columns are asked for.
+        Returns the problem at a value of q, or the function f(x, p); its discretisation must not change with q. Where
+        its Jacobian is no matrix, all columns are asked for.
     fold : Fold
         A fold of ``make_problem(q)``.
     q : float
@@ -106,6 +114,8 @@ def trace_folds(
         Lowest and highest second parameter.
     options : Options, optional
         Step control, tolerances.
+    events, stop, callback, direction, time_limit, norm_limit
+        As for `trace_curve`, of the curve of folds: its state is (x, p), an (n + 1,) array, and its parameter q.
 
     Returns
     -------
@@ -117,19 +127,36 @@ def trace_folds(
     InputError
         If q lies outside its range, or the fold is none of ``make_problem(q)``.
     """
-    problem = make_problem(q)
+
+    def family(value: float) -> Problem:
+        return as_problem(make_problem(value))
+
+    problem = family(q)
     at = problem.linearise(fold.x, fold.parameter)
     scale = max(1.0, abs(fold.parameter)) * float(np.linalg.norm(at.parameter_derivative)) or 1.0
     if not float(np.linalg.norm(at.residual)) <= 1e-6 * scale:
         raise InputError(f"fold is not on the curve of make_problem({q:g}): give the q that it was found with.")
     column = at.parameter_derivative / float(at.parameter_derivative @ at.parameter_derivative)
     row = fold.null_vector / float(fold.null_vector @ fold.null_vector)
-    augmented = _FoldProblem(make_problem, row, column, _Lengths(1.0, 1.0, 1.0, interval_around(q_range, q)))
+    augmented = _FoldProblem(family, row, column, _Lengths(1.0, 1.0, 1.0, interval_around(q_range, q)))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         augmented.lengths = augmented.measured(fold, q)
     options = options or Options(noise=NOISE)
     options = replace(options, detect_folds=False, detect_branch_points=False)
-    return FoldCurve(trace_curve(augmented, np.append(fold.x, fold.parameter), q, q_range, options, [_CuspEvent()]))
+    found = trace_curve(
+        augmented,
+        np.append(fold.x, fold.parameter),
+        q,
+        q_range,
+        options,
+        [_CuspEvent(), *events],
+        stop,
+        callback=callback,
+        direction=direction,
+        time_limit=time_limit,
+        norm_limit=norm_limit,
+    )
+    return FoldCurve(found)
 
 
 class _Lengths(NamedTuple):
