@@ -12,7 +12,7 @@ import scipy
 from contbranch.arrays import AnyArray
 from contbranch.continuation.bordered import DENSE_UP_TO, as_matrix
 from contbranch.continuation.curve import Curve, HopfPoint, Located, Point, stacked
-from contbranch.continuation.events import DEAR, Event, Happening
+from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.newton import ROUNDING, CorrectionError, evaluating
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Problem, size_of
@@ -103,7 +103,7 @@ class HopfEvent(Event):
         Looked for are zeros of all real parts that have both signs at the ends of the step and at places inside, and of
         the two next to them.
         """
-        inside = [replace(segment.begin, x=x, parameter=p) for x, p in map(segment.at, DEAR)]
+        inside = [replace(segment.begin, x=x, parameter=p) for x, p in map(segment.at, (0.25, 0.5, 0.75))]
         real = [self.spectrum(point).real for point in (segment.begin, *inside, segment.end)]
         positive = [int(np.count_nonzero(parts > 0)) for parts in real]
         error = _rounding(segment.end, self.spectrum(segment.end))
