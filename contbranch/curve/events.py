@@ -10,9 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.continuation import CorrectionError, Event, EventPoint, Happening, Options, Point, Segment
-from contbranch.continuation.locate import find_root
-from contbranch.continuation.walk import annotated, corrected_point, point_on
+from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
+from contbranch.continuation.walk import annotated
 from contbranch.continuation.zeros import NEIGHBOURS, Bracket, Functions, Search
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
@@ -176,44 +175,10 @@ class Ceiling(Event):
         if self.value(begin) >= 0.0:
             clear = arrive * segment.scale_end > RISES * abs(self.value(end) + self.target)
             return [Happening(1.0, EventPoint(end, 0.0, 0.0, name=self.name), terminal=True)] if clear else []
-        try:
-            point = self._approached(segment, arrive * segment.scale_end, options)
-        except CorrectionError:
-            point = None
-        if point is None:
-            return super().happenings(segment, previous, options)[:1]
-        located = EventPoint(annotated(point, label=self.name), 0.0, 0.0, name=self.name)
-        return [Happening(segment.position(point.x, point.parameter), located, terminal=True)]
-
-    def _approached(self, segment: Segment, arrive: float, options: Options) -> Point | None:
-        """The end within a step by Newton's method from where it is foretold; None if that leads away."""
-        point = point_on(segment, self._foretold(segment, arrive), options)[0]
-        for _ in range(APPROACHES):
-            rate = self._rate(point)
-            step = -self.value(point) / rate if rate else math.inf
-            if not abs(step) < 0.5 * segment.length:
-                break
-            ahead = point.x + step * point.tangent_x, point.parameter + step * point.tangent_parameter
-            direction = point.tangent_x, point.tangent_parameter
-            point = corrected_point(point.problem, ahead, direction, segment.metric, options)[0]
-            if abs(step) < CLOSE * segment.length:  # the next one would be about the square of that
-                return point if abs(self.value(point)) < CLOSE * max(1.0, abs(self.target)) else None
-        return None
+        return super().happenings(segment, previous, options)[:1]
 
     def _rate(self, point: Point) -> float:
         return Reached(self.control, self.target).rate(rates_of(point))
-
-    def _foretold(self, segment: Segment, arrive: float) -> float:
-        """Where the cubic through values and slopes at both ends of a step is zero."""
-        low, high = self.value(segment.begin), self.value(segment.end)
-        leave = self._rate(segment.begin) * segment.scale_begin
-
-        def cubic(theta: float) -> float:
-            rest = 1.0 - theta
-            bow = rest * (leave * rest - arrive * theta)
-            return low + theta * ((high - low) * theta * (3.0 - 2.0 * theta) + bow)
-
-        return find_root(cubic, (0.0, low), (1.0, high), 1e-3)
 
 
 @dataclass(frozen=True)
