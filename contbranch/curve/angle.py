@@ -113,8 +113,8 @@ class Turning:
         self.direction = direction
         return missed
 
-    def fold(self, control: Control) -> None:
-        """A row at a fold.
+    def fold(self, control: Control) -> list[Control]:
+        """A row at a fold; no other is missed there.
 
         There (d', F') is along ±(1, −K), d' does not vanish (for a displacement fold F' does not), and F' + K d'
         changes its sign: that says which way the curve turns.
@@ -123,6 +123,7 @@ class Turning:
         across = -self.rises(LOAD) if control == DISPLACEMENT else self.rises(DISPLACEMENT)
         self.direction = alpha(control) + math.pi * round((self.direction - alpha(control)) / math.pi)
         self._pass([control], -self.rises(control) * across)
+        return []
 
     def corner(self, turn: float) -> list[Control]:
         """The curve leaves a row in another direction than it came; the folds that are passed, in order."""

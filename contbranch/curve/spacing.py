@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -41,18 +41,6 @@ class Spacing:
         seen = np.array([_seen(point) for point in points])
         self.extent = np.maximum(np.ptp(seen, axis=0), 1e-9 * (1.0 + np.abs(seen).max(axis=0)))
 
-    def missing(
-        self, onward: Mapping[int, Point], points: Sequence[Point], gaps: Set[int], marked: Set[int]
-    ) -> list[list[Point]]:
-        """The rows that are missing behind each row but the last; none where the curve is not followed.
-
-        Between two events that a drawing tells apart there is one at least: it shows the stability there.
-        """
-        return [
-            [] if k in gaps else self._between(onward.get(k, points[k]), points[k + 1], {k, k + 1} <= marked)
-            for k in range(len(points) - 1)
-        ]
-
     def stray(self, begin: Point, end: Point) -> float:
         """How far an arc with these ends and tangents is from its chord: |chord| tan(ψ/2)/2, ψ between both."""
         chord = (_seen(end) - _seen(begin)) / self.extent
@@ -65,7 +53,11 @@ class Spacing:
             widest = max(widest, math.atan2(across * length, float(along @ chord)))
         return 0.5 * length * math.tan(min(0.5 * widest, 0.25 * math.pi))
 
-    def _between(self, begin: Point, end: Point, marked: bool) -> list[Point]:
+    def between(self, begin: Point, end: Point, marked: bool) -> list[Point]:
+        """The rows that are missing between two.
+
+        Between two events, `marked`, that a drawing tells apart there is one at least: it shows the stability there.
+        """
         apart = marked and float(np.linalg.norm((_seen(end) - _seen(begin)) / self.extent)) > STRAY
         if not equilibrium(begin).rows_between or not (apart or self.stray(begin, end) > STRAY):
             return []

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -103,7 +104,7 @@ def follow_from(start: Point, request: Request, problem: EquilibriumProblem | No
         kept(tracing.fill, None)
     with finishing():
         tracing.cut()
-        return tracing.track(problem) if tracing.points else _nothing(problem, request, tracing.message)
+        return tracing.track(problem) if tracing.rows else _nothing(problem, request, tracing.message)
 
 
 def _nothing(problem: EquilibriumProblem, request: Request, message: str) -> Track:
@@ -112,34 +113,59 @@ def _nothing(problem: EquilibriumProblem, request: Request, message: str) -> Tra
     return Track((), {}, frozenset(), (), controls, complete=False, message=message.strip(), work=problem.work)
 
 
-@dataclass
+@dataclass(eq=False)
+class _Row:
+    """A row while its curve is followed.
+
+    Attributes
+    ----------
+    point : Point
+    onward : Point or None
+        The same equilibrium as the next problem has it.
+    gap : bool
+        Whether the piece behind the row joins problems that cannot be joined.
+    marks : list of Mark
+        What happens there; their rows are not yet numbered.
+    """
+
+    point: Point
+    onward: Point | None = None
+    gap: bool = False
+    marks: list[Mark] = field(default_factory=list)
+
+    @property
+    def leaving(self) -> Point:
+        """The row as the piece behind it has it."""
+        return self.onward or self.point
+
+    @property
+    def fold(self) -> Control | None:
+        """The control whose fold the row is."""
+        return next((mark.control for mark in self.marks if mark.control is not None), None)
+
+    def mark(self, kind: str, **what: Any) -> None:
+        """Say what happens here."""
+        self.marks.append(Mark(-1, kind, self.point, **what))
+
+
 class _Tracing:
     """A curve while it is followed: rows so far, and how the problems join."""
 
-    request: Request
-    begins: str | None = None
-    points: list[Point] = field(default_factory=list)
-    onward: dict[int, Point] = field(default_factory=dict)
-    gaps: set[int] = field(default_factory=set)
-    marks: list[Mark] = field(default_factory=list)
-    largest: float = -math.inf
-    complete: bool = False
-    message: str = ""
-    lost: bool = False
-    slopes: Slopes = field(default_factory=Slopes)
-
-    def __post_init__(self) -> None:
-        asked, held = self.request.target, self.request.held
+    def __init__(self, request: Request, begins: str | None = None) -> None:
+        self.request, self.begins, self.slopes = request, begins, Slopes()
+        self.rows: list[_Row] = []
+        self.largest, self.complete, self.message, self.lost = -math.inf, False, "", False
+        asked, held = request.target, request.held
         target = LEAST_END if asked is None else held.target(asked) if held is not None else asked
         self.end = Ceiling(held, target)
 
     def follow(self, start: Point) -> None:
         """Follow the curve from a point to its end."""
-        self.points.append(start)
+        self.rows.append(_Row(start))
         if self.request.target is None:
             self.end.target = max(LEAST_END, END_FACTOR * start.observables["load"])
         if self.begins:
-            self.marks.append(Mark(0, "end", start, margin=EDGE, name=self.begins))
+            self.rows[0].mark("end", margin=EDGE, name=self.begins)
         joint = Succession("", start, (start,))
         for _ in range(PIECES):
             following = self._piece(joint)
@@ -150,22 +176,22 @@ class _Tracing:
 
     def _piece(self, joint: Succession) -> Succession | None:
         """Follow one problem; return what succeeds it, or None at the end of the curve."""
-        first = len(self.points)
-        branch = self._leaving(joint)
-        if branch.start is not None:
-            (self.onward if first - 1 in self.onward else self.points)[first - 1] = branch.start
-        start = self.onward.get(first - 1, self.points[-1])
-        self.points += branch.points
+        begin, branch = self.rows[-1], self._leaving(joint)
+        if branch.start is not None and begin.onward is not None:
+            begin.onward = branch.start
+        elif branch.start is not None:
+            begin.point = branch.start
+        rows = [_Row(point) for point in branch.points]
         controls = {control.kind: control for control in self.request.controls}
         for event, index in branch.events:
             if isinstance(event, EventPoint) and event.name in controls:
-                self.marks.append(Mark(first + index, "fold", event.point, controls[event.name]))
-        last = branch.points[-1] if branch.points else start
+                rows[index].mark("fold", control=controls[event.name])
+        self.rows += rows
+        last = branch.points[-1] if rows else begin.leaving
         problem, name = equilibrium(last), _stopped(branch)
         if name == self.end.name:
-            self.complete = True
-            self.message = message = problem.ending(name, last)
-            self.marks.append(Mark(len(self.points) - 1, "end", last, message=message))
+            self.complete, self.message = True, problem.ending(name, last)
+            self.rows[-1].mark("end", message=self.message)
             return None
         if over():
             return None
@@ -175,25 +201,23 @@ class _Tracing:
             self.lost = branch.end.outcome is Outcome.STEP_TOO_SMALL or isinstance(branch.end.cause, UnresolvedError)
             return None
         margin, name = name, problem.cause(name, last)
+        why = problem.ending(name, last)
         try:
-            found = problem.successor(name, [start, *branch.points])
+            found = problem.successor(name, [begin.leaving, *branch.points])
         except (ModelError, CorrectionError) as error:
-            why = f"{problem.ending(name, last)} It could not be followed beyond: {error}."
-            self._stop(margin, name, why.strip())
-            self.lost = True
-            return None
+            found, why, self.lost = None, f"{why} It could not be followed beyond: {error}.".strip(), True
         if found is None:
-            self._stop(margin, name, problem.ending(name, last))
-            return None
-        self._join(found, margin)
+            self._stop(margin, name, why)
+        else:
+            self._join(found, margin)
         return found
 
     def _leaving(self, joint: Succession) -> Branch:
         """The piece from the first start from which the curve leaves."""
         branch = None
         for start, share in ((start, share) for start in joint.tried() for share in (1.0, SHORTER)):
-            if joint.same and len(self.points) > 1:
-                self.onward[len(self.points) - 1] = start
+            if joint.same and len(self.rows) > 1:
+                self.rows[-1].onward = start
             problem = equilibrium(start)
             controls = () if problem.convex else self.request.controls
             folds, stop = Folds(controls, self._met, self.slopes), StopAt(predicate=self._told)
@@ -215,39 +239,34 @@ class _Tracing:
 
     def _join(self, found: Succession, margin: str) -> None:
         """Append the event at which one problem takes over from another."""
-        if found.dropped:
-            kept = len(self.points) - found.dropped
-            self.marks = [mark for mark in self.marks if mark.row < kept]
-            del self.points[kept:]
+        del self.rows[len(self.rows) - found.dropped :]
         self._append(found.event)
-        row = len(self.points) - 1
         if found.kind:
-            self.marks.append(Mark(row, found.kind, found.event, margin=found.margin or margin, message=found.message))
+            self.rows[-1].mark(found.kind, margin=found.margin or margin, message=found.message)
             self._met(found.event)
         if not found.same:
             self._append(found.starts[0])
 
     def _append(self, point: Point) -> None:
         """Append a row that the present problem's piece has not reached."""
-        last = len(self.points) - 1
-        if last >= 0 and not equilibrium(self.onward.get(last, self.points[last])).joins(equilibrium(point)):
-            self.gaps.add(last)
-        self.points.append(point)
+        if self.rows:
+            self.rows[-1].gap = not equilibrium(self.rows[-1].leaving).joins(equilibrium(point))
+        self.rows.append(_Row(point))
 
     def _stop(self, margin: str, name: str, message: str) -> None:
         own = margin
-        while len(self.points) > 1 and _margin(self.points[-1], margin) < -NEGATIVE:  # rows are states of contact
-            self._forget(len(self.points) - 1)
+        while len(self.rows) > 1 and _margin(self.rows[-1].point, margin) < -NEGATIVE:  # rows are states of contact
+            self._forget(len(self.rows) - 1)
             own = ""
-        row, last = len(self.points) - 1, self.points[-1]
+        last = self.rows[-1]
         if name == TIP_EDGE:
-            load = last.observables["load"]  # contact may be out of reach, and larger loads with it
+            load = last.point.observables["load"]  # contact may be out of reach, and larger loads with it
             self.complete = self.request.target is None or (self.end.control is LOAD and load >= self.end.target)
             if not self.complete:
                 message += " What was asked lies beyond: ask for less, or describe the tip farther out."
-            self.marks.append(Mark(row, "end", last, margin=own, message=message, name=name))
+            last.mark("end", margin=own, message=message, name=name)
         elif margin != EDGE:
-            self.marks.append(Mark(row, "inadmissible", last, margin=own))
+            last.mark("inadmissible", margin=own)
         elif not message:
             message = "The curve leaves the range of its parameter before what was asked."
             message += " Ask for less, or, if it has turned back, for a hundredth of the accuracy."
@@ -273,80 +292,65 @@ class _Tracing:
     # -- rows between, folds in corners, indices ---------------------------------------------------------------------
     def fill(self) -> None:
         """Compute the rows that are missing for lines between rows to show the curve."""
-        spacing, marked = Spacing(self.points, self.slopes), {mark.row for mark in self.marks}
-        missing = spacing.missing(self.onward, self.points, self.gaps, marked)
-        place = np.arange(len(self.points)) + np.cumsum([0, *map(len, missing)])
-        self.points = [
-            row for point, behind in zip(self.points, [*missing, []], strict=True) for row in (point, *behind)
-        ]
-        self.onward = {int(place[row]): point for row, point in self.onward.items()}
-        self.gaps = {int(place[row]) for row in self.gaps}
-        self.marks = [replace(mark, row=int(place[mark.row])) for mark in self.marks]
+        spacing = Spacing([row.point for row in self.rows], self.slopes)
+        filled = self.rows[:1]
+        for row, ahead in pairwise(self.rows):
+            if not row.gap:
+                apart = bool(row.marks and ahead.marks)
+                filled += map(_Row, spacing.between(row.leaving, ahead.point, apart))
+            filled.append(ahead)
+        self.rows = filled
 
     def cut(self) -> None:
         """Forget what lies behind the last row with finite numbers."""
-        for row, point in enumerate(self.points):
-            if not all(map(math.isfinite, (*self.slopes(point), *point.observables.values()))):
-                self.complete, self.message = False, f"From row {row} on numbers are not finite. {self.message}".strip()
-                self._forget(row)
+        for k, row in enumerate(self.rows):
+            if not all(map(math.isfinite, (*self.slopes(row.point), *row.point.observables.values()))):
+                self.complete, self.message = False, f"From row {k} on numbers are not finite. {self.message}".strip()
+                self._forget(k)
                 return
 
     def _forget(self, row: int) -> None:
         """Forget a row and all behind it."""
-        self.marks = [mark for mark in self.marks if mark.row < row]
-        self.onward = {key: value for key, value in self.onward.items() if key < row}
-        self.gaps = {key for key in self.gaps if key < row - 1}
-        del self.points[row:]
+        del self.rows[row:]
+        if self.rows:
+            self.rows[-1].gap = False
 
     def _turn_back(self, row: int) -> None:
         """Forget what lies behind a row at which the curve has turned back on itself.
 
         The row, too, since its tangent is that of the way back; of one where a problem takes over, the start alone.
         """
-        self._forget(row + 1 if row in self.onward else max(row, 1))
-        self.onward.pop(row, None)
-        self.marks = [mark for mark in self.marks if mark.row < row or mark.kind != "fold"]
-        self.complete, self.lost = False, True
-        self.message = f"{Outcome.TURNED_BACK.value} {equilibrium(self.points[-1]).ending('', self.points[-1])}"
+        joint = self.rows[row]
+        self._forget(row + 1 if joint.onward is not None else max(row, 1))
+        joint.onward, joint.marks = None, [mark for mark in joint.marks if mark.kind != "fold"]
+        self.complete, self.lost, last = False, True, self.rows[-1].point
+        self.message = f"{Outcome.TURNED_BACK.value} {equilibrium(last).ending('', last)}"
 
     def track(self, problem: EquilibriumProblem) -> Track:
         """The curve with its hodograph, and with the folds that lie in corners."""
-        marks = sorted(self.marks, key=lambda mark: mark.row)
-        folds = {}
-        for mark in marks:
-            if mark.control is not None:
-                folds[mark.row] = mark.control
-        start = self.points[0]
+        rows, start = self.rows, self.rows[0].point
         index = equilibrium(start).unstable(start.x, start.parameter)
         turning = Turning(self.request.controls, *self._rates(start))
-        extra: list[Mark] = []
-        for row in range(1, len(self.points)):
-            point = self.points[row]
-            if row in folds:
-                if self._reversed(turning, folds, row, index):
-                    here, there = row, row + 1
-                    self.points[here], self.points[there] = self.points[there], self.points[here]
-                    folds[here], folds[there] = folds[there], folds[here]
-                    swap = {here: there, there: here}
-                    marks = [replace(mark, row=swap.get(mark.row, mark.row)) for mark in marks]
-                turning.fold(folds[row])
-            else:
-                missed = turning.row(*self._rates(point))
-                extra += [Mark(row, "fold", point, control) for control in missed]
-            if row in self.onward:
-                extra += self._corner(turning, row)
-        # At one row the event that makes the corner comes first.
-        marks = sorted([*marks, *extra], key=lambda mark: mark.row)
+        marks = [*rows[0].marks]
+        for k in range(1, len(rows)):
+            if rows[k].fold is not None and self._reversed(turning, k, index):
+                rows[k : k + 2] = rows[k + 1], rows[k]
+            row, fold = rows[k], rows[k].fold
+            passed = turning.row(*self._rates(row.point)) if fold is None else turning.fold(fold)
+            if row.onward is not None:
+                passed += self._corner(turning, k)
+            own = [*row.marks, *(Mark(k, "fold", row.point, control) for control in passed)]
+            marks += [replace(mark, row=k) for mark in own]
         hodograph = turning.hodograph(index)
         pieces = hodograph.pieces(DISPLACEMENT)[0]
         if len(pieces) and pieces[-1] < 0:  # the curve only seems to go on behind a fold
             self._turn_back(int(np.argmax(pieces < 0)))
             return self.track(problem)
         return Track(
-            tuple(self.points),
-            self.onward,
-            frozenset(self.gaps),
-            tuple(marks),
+            tuple(row.point for row in rows),
+            {k: row.onward for k, row in enumerate(rows) if row.onward is not None},
+            frozenset(k for k, row in enumerate(rows) if row.gap),
+            tuple(replace(mark, row=max(mark.row, 0)) for mark in marks),
             self.request.controls,
             hodograph,
             self.complete,
@@ -360,43 +364,44 @@ class _Tracing:
         load, displacement = self.slopes(point)
         return (abs(load), abs(displacement)) if equilibrium(point).convex else (load, displacement)
 
-    def _reversed(self, turning: Turning, folds: Mapping[int, Control], row: int, index: int) -> bool:
-        """Whether two folds of different controls between two rows come in the other order than their places say.
+    def _reversed(self, turning: Turning, row: int, index: int) -> bool:
+        """Whether folds of different controls at a row and at the next come in the other order than their places say.
 
         Where load and displacement rest together rounding decides the places. The curve turns by half a turn one way or
         the other, and the Morse index behind both folds, by inertia, tells which if they differ by less than errors.
         """
-        both, behind = (folds[row], folds.get(row + 1, folds[row])), row + 2
-        joints = {row, row + 1, behind} & {*self.onward, *folds}
-        if both[0] == both[1] or behind >= len(self.points) or joints != {row, row + 1}:
+        near = self.rows[row : row + 3]
+        if len(near) < 3 or any(one.onward is not None for one in near) or near[2].fold is not None:
             return False
-        pair, after, counted = self.points[row:behind], self.points[behind], []
+        both, pair, after = [one.fold for one in near[:2]], [one.point for one in near[:2]], near[2].point
+        if both[1] is None or both[0] == both[1]:
+            return False
         first, last = (np.array([point.observables[name] for name in ("load", "displacement")]) for point in pair)
         if (np.abs(first - last) > sum(np.abs(equilibrium(point).defect(point)[:2]) for point in pair)).any():
             return False
+        counted = []
         for order in (both, both[::-1]):
             trial = deepcopy(turning)
-            for control in order:
+            for control in filter(None, order):
                 trial.fold(control)
             trial.row(*self.slopes(after))
             counted.append(int(trial.hodograph(index).pieces(DISPLACEMENT)[0][-1]))
         return counted[0] != equilibrium(after).unstable(after.x, after.parameter) == counted[1]
 
-    def _corner(self, turning: Turning, row: int) -> list[Mark]:
+    def _corner(self, turning: Turning, row: int) -> list[Control]:
         """The folds in the corner where one problem takes over from another."""
-        ahead = self.onward[row]
+        behind, ahead = self.rows[row - 1].point, self.rows[row].leaving
         load, displacement = self._rates(ahead)
         turn = short_way(math.atan2(load, displacement) - turning.direction)
         if abs(turn) > AMBIGUOUS * math.pi:
-            behind = self.points[row - 1]
             before, after = (equilibrium(p).unstable(p.x, p.parameter) for p in (behind, ahead))
             ways = turn, turn - math.copysign(2 * math.pi, turn)
             turn = next((way for way in ways if _raised(turning.direction, way) == after - before), turn)
         passed = turning.corner(turn)
         # What rests exactly at a joint, and goes the other way behind it, has its fold there, too.
-        for point in self.points[row + 1 : row + 2]:
-            passed += turning.rested(math.atan2(*self._rates(point)))
-        return [Mark(row, "fold", replace(self.points[row]), control) for control in passed]
+        for other in self.rows[row + 1 : row + 2]:
+            passed += turning.rested(math.atan2(*self._rates(other.point)))
+        return passed
 
 
 def _raised(begin: float, turn: float) -> int:
