@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -40,10 +42,6 @@ HALVED_SHARES = 1.0, 0.1, 0.0
 UPRIGHT = 0.3
 # Secant steps towards an event, and the longest of them, in units of the line.
 ITERATIONS, LONGEST = 14, 0.2
-# Events of one representation whose parameters differ by less (relative to 1) are neighbours.
-NEXT = 0.02
-# ... and by less than this the same but for which control they are a fold of.
-TWINS = 1e-6
 # First secant step, in units of the line; where the curve is not found a longer one is shortened by the second factor.
 FIRST_STEP, RETREAT = 1e-5, 0.2
 # Steps of which the square is rounding, in units of the line, and how many there are to one of these.
@@ -315,7 +313,7 @@ def _located(place: _Place, event: Event | None) -> _Place:
     return _Place(point, place.accuracy, steepness / speed, uncertainty * abs(speed), settled=True)
 
 
-def refine(point: Point, event: Event | None, accuracy: float, beside: Point | None = None) -> Found:
+def refine(point: Point, event: Event | None, accuracy: float) -> Found:
     """An event with error estimates within the accuracy if they can be had, and the point that gave its values.
 
     The estimate is the difference to the same event on the finer discretisation. The values are those of the coarser
@@ -330,10 +328,8 @@ def refine(point: Point, event: Event | None, accuracy: float, beside: Point | N
         None: the point at its own parameter.
     accuracy : float
         Error allowed to all four numbers, relative to max(1, |value|).
-    beside : Point, optional
-        Another event: next to it a discretisation made for it is likely to serve this one.
     """
-    found = _refined(point, event, accuracy, beside)
+    found = _refined(point, event, accuracy)
     return _held(found, event) if isinstance(event, Reached) else found
 
 
@@ -353,25 +349,31 @@ def _held(found: Found, event: Reached) -> Found:
     return replace(found, error=(load, displacement, radius, gap))
 
 
-def _refined(point: Point, event: Event | None, accuracy: float, beside: Point | None) -> Found:
-    point = _measured(point)
+def _refined(point: Point, event: Event | None, accuracy: float) -> Found:
+    point, best = _measured(point), None
     stated = equilibrium(point).stated(point, event)
     if stated is not None:
         return Found(numbers(point), stated, point)
-    aimed, best, tried = point, None, list[EquilibriumProblem]()
+    for place in _places(point, event, accuracy):
+        found = _best(place, event, accuracy)
+        if found is not None and (best is None or found.relative_error() < best.relative_error()):
+            best = found
+        if best is not None and best.relative_error() <= accuracy:
+            break
+    return best or by_defect(point, event)
+
+
+def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Place]:
+    """Where to begin: on discretisations made for the event, and on the point's own, which may turn out better."""
+    place, own = _Place(point, accuracy, settled=event is not None), equilibrium(point)
+    if own.moves:  # what resolves the event itself would not resolve the way to it
+        with suppress(CorrectionError, ModelError):  # the whole that moves serves as well
+            place = _located(place, event)
+            point = place.point
+            yield _carried(place, own.close_to(point), event)
+        yield place
+    aimed = point
     try:
-        if equilibrium(point).moves:  # what resolves the event itself would not resolve the way to it
-            here = _located(_Place(point, accuracy), event)
-            aimed = point = here.point
-            twin = [beside] if beside is not None and event is not None and _close(point, beside, TWINS) else []
-            problems = [*map(equilibrium, twin), equilibrium(point).close_to(point), equilibrium(point)]
-            for problem in dict.fromkeys(problems):
-                tried.append(problem)
-                best = _better(best, _best(here, event, accuracy, problem))
-                if best is not None and best.relative_error() <= accuracy:
-                    return best
-        elif beside is not None and event is not None and _close(point, beside, NEXT):
-            aimed = settled(moved(point, equilibrium(beside)))
         for _ in range(ROUNDS_OF_AIM):
             problem = equilibrium(aimed).resolving(aimed, AIM * accuracy)
             if problem is aimed.problem:
@@ -380,40 +382,21 @@ def _refined(point: Point, event: Event | None, accuracy: float, beside: Point |
             aimed = at_parameter(carried) if event is None else settled(carried)
     except (CorrectionError, ModelError):
         aimed = point
-    # A discretisation made for the state may turn out worse than the one it came from.
-    for start in dict.fromkeys((aimed, point)):
-        if start.problem in tried or (best is not None and best.relative_error() <= accuracy):
-            continue
-        place = _Place(start, accuracy, settled=event is not None or start is not point)
-        best = _better(best, _best(place, event, accuracy))
-    return best if best is not None else by_defect(aimed, event)
+    if aimed is not point:
+        yield _Place(aimed, accuracy, settled=True)
+    if not own.moves:
+        yield place
 
 
-def _better(one: Found | None, other: Found | None) -> Found | None:
-    found = [event for event in (one, other) if event is not None]
-    return min(found, key=Found.relative_error, default=None)
-
-
-def _close(point: Point, other: Point, within: float) -> bool:
-    """Whether what resolves one point will do for another without waste."""
-    here, there = equilibrium(point), equilibrium(other)
-    apart = abs(point.parameter - other.parameter) / max(1.0, abs(point.parameter))
-    return here.joins(there) and apart < within and there.size <= 2 * here.size
-
-
-def _best(
-    place: _Place, event: Event | None, accuracy: float, problem: EquilibriumProblem | None = None
-) -> Found | None:
+def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     """The event on a discretisation and ever finer ones, until the estimate satisfies; None if not found.
 
-    The first one is the place's own if none is given. Where solutions are made of pieces, or higher order has not
+    Where solutions are made of pieces, or higher order has not
     helped, the comparison is with a discretisation that has other edges: two of the same edges may agree by chance.
     """
     best: Found | None = None
     last, rough, shares = math.inf, False, iter(HALVED_SHARES)
     try:
-        if problem not in (None, place.point.problem):
-            place = _carried(place, problem, event)
         place = _located(place, event)
     except (CorrectionError, ModelError):
         return None

@@ -159,8 +159,7 @@ def _refined(track: Track, request: Request) -> list[Found]:
         opening: Found | None = None
         for k, mark in enumerate(track.marks):
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
-            beside = found[-1].point if found else None
-            own = _located(track, mark.point, _event_of(track, mark), request.accuracy, beside)
+            own = _located(track, mark.point, _event_of(track, mark), request.accuracy)
             if mark.control is not None and mark.row in track.onward:
                 own = _beside(track, mark, own, request.accuracy)
             if mark.control is None or opening is None or not _rests_at(opening, own, request.accuracy):
@@ -179,12 +178,12 @@ def _rests_at(opening: Found, fold: Found, accuracy: float) -> bool:
     return bool((np.abs(values - opening.numbers[:2]) <= np.minimum(errors, allowed)).all())
 
 
-def _located(track: Track, point: Point, event: Event | None, accuracy: float, beside: Point | None = None) -> Found:
+def _located(track: Track, point: Point, event: Event | None, accuracy: float) -> Found:
     """An event made precise, by another model of the same state where the present one does not get as far.
 
     One that finer discretisations find beyond an end of its problem is at that end, unless the curve begins there.
     """
-    found = refine(point, event, accuracy, beside)
+    found = refine(point, event, accuracy)
     place, (low, high) = found.point.parameter, equilibrium(found.point).parameter_range
     begins = place < low == track.points[0].parameter
     if not (low <= place <= high or begins) and equilibrium(point).refinable:

@@ -97,7 +97,7 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
     for row in sorted({*changes, *(row + 1 for row in changes)}):
         counts[row] = _surely(track.points[row], int(indices[row]), counts[row], request.modes)
     found: list[RawEvent] = []
-    lost, beside = 0, None
+    lost = 0
     differ = _differ(counts)
     for row in differ:
         here, there = counts[row : row + 2]
@@ -109,9 +109,8 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
             tell(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
                 share, start = _between(track, row, rest, event)
-                refined = refine(start, event, request.accuracy, beside)
+                refined = refine(start, event, request.accuracy)
                 kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
-                beside = refined.point
                 found.append(_event(refined, row + share, event, kind))
             except CorrectionError:
                 lost += 1
