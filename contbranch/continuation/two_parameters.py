@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
-from contbranch.continuation.bordered import as_matrix, bordered_matrix, factorise
+from contbranch.continuation.augmented import Augmented, Turn
 from contbranch.continuation.curve import Curve, Fold, Point
 from contbranch.continuation.edge import Range
-from contbranch.continuation.events import Event
+from contbranch.continuation.newton import ROUNDING, CorrectionError
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
+from contbranch.continuation.problem import Array, Problem
 from contbranch.continuation.trace import interval_around, trace_curve
 from contbranch.errors import InputError
 
-STEP = float(np.finfo(float).eps ** (1 / 3))
 # Lengths of state and parameter are no smaller than this share of what bending asks for.
-ASIDE = 1e-3
-# A border is replaced when the cosine between it and the null vector it stands for has fallen below this.
-ALIGNED = 0.5
+LEAST_LENGTH = 1e-3
 # Noise of residuals that hold a Jacobian by differences, in units of rounding.
 NOISE = 1e6
 
@@ -89,10 +87,8 @@ def trace_folds(
 ) -> FoldCurve:
     """Follow a fold in a second parameter, through the cusps where it meets another one.
 
-    The unknowns are (x, p), the equations F = 0 and σ = 0 with σ from the bordered system of `locate_fold`; its
-    derivatives come from the left null vector ψ and differences of the Jacobian along the right one φ,
-    dσ = −ψᵀ dJ φ (A. Griewank and G. W. Reddien, IMA J. Numer. Anal. 3 (1983) 295). A cusp is where ψᵀ F_xx φ φ = 0;
-    both parameters turn there, so the curve passes it smoothly.
+    The unknowns are (x, p), the equations F = 0 and p' = 0, with p' the component of the unit tangent at fixed q, see
+    `contbranch.continuation.augmented`. At a cusp both parameters turn, so the curve passes it smoothly.
 
     Parameters
     ----------
@@ -122,99 +118,49 @@ def trace_folds(
     scale = max(1.0, abs(fold.parameter)) * float(np.linalg.norm(at.parameter_derivative)) or 1.0
     if not float(np.linalg.norm(at.residual)) <= 1e-6 * scale:
         raise InputError(f"fold is not on the curve of make_problem({q:g}): give the q that it was found with.")
-    column = at.parameter_derivative / float(at.parameter_derivative @ at.parameter_derivative)
-    row = fold.null_vector / float(fold.null_vector @ fold.null_vector)
-    augmented = _FoldProblem(make_problem, row, column, _Lengths(1.0, 1.0, 1.0, interval_around(q_range, q)))
+    interval, start = interval_around(q_range, q), np.append(fold.x, fold.parameter)
+    width = interval.width if math.isfinite(interval.width) else max(1.0, abs(q))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        augmented.lengths = augmented.measured(fold, q)
+        folds = _Folds(make_problem, np.append(fold.null_vector, 0.0), interval, _lengths(fold, np.zeros(start.size)))
+        with suppress(CorrectionError):  # the trace meets it, too, and reports it
+            folds = folds.measured(_lengths(fold, width * folds.moved(start, q)))
     options = options or Options(noise=NOISE)
-    options = replace(options, detect_folds=False, detect_branch_points=False)
-    return FoldCurve(trace_curve(augmented, np.append(fold.x, fold.parameter), q, q_range, options, [_CuspEvent()]))
+    # Where the fold rests, what rounding changes in units of its lengths is to set no scale.
+    floor = max(options.state_floor, ROUNDING**0.5)
+    options = replace(options, state_floor=floor, detect_folds=False, detect_branch_points=False)
+    return FoldCurve(trace_curve(folds, start, q, q_range, options, [Turn()]))
 
 
 class _Lengths(NamedTuple):
-    """Lengths of x (root mean square) and p, that over which F bends, and the range of q."""
+    """Lengths of x (root mean square) and p, and that over which F bends."""
 
     state: float
     parameter: float
     bend: float
-    interval: Range
 
 
-class _Seen(NamedTuple):
-    """The augmented system at one point, with the null vectors φ and ψ, and ψᵀ F_xx φ φ."""
+class _Folds(Augmented):
+    """F(x, p; q) = 0 and p' = 0 for (x, p)."""
 
-    linearisation: Linearisation
-    right: Array
-    left: Array
-    curvature: float
+    def __init__(self, at: Callable[[float], Problem], reference: Array, interval: Range, lengths: _Lengths) -> None:
+        self.lengths = lengths
+        super().__init__(at, reference, interval)
 
+    def condition(self, point: Point, q: float) -> float:
+        """The parameter's component of the unit tangent, in its length."""
+        return point.tangent_parameter / self.lengths.parameter
 
-class _FoldProblem(Problem):
-    """F(x, p; q) = 0 and σ(x, p; q) = 0 for (x, p), with a border that stays close to the null vectors."""
+    def on(self, reference: Array) -> Self:
+        """The same system with another border."""
+        return type(self)(self.at, reference, self.interval, self.lengths)
 
-    def __init__(self, make_problem: Callable[[float], Problem], row: Array, column: Array, lengths: _Lengths) -> None:
-        self.make_problem, self.row, self.column, self.lengths = make_problem, row, column, lengths
-        self._last: tuple[Array, float, _Seen] | None = None
+    def measured(self, lengths: _Lengths) -> Self:
+        """The same system in other lengths."""
+        return type(self)(self.at, self.reference, self.interval, lengths)
 
-    def residual(self, x: Array, p: float) -> Array:
-        """(F, σ), shape (n + 1,)."""
-        return self.linearise(x, p).residual
-
-    def linearise(self, x: Array, p: float) -> Linearisation:
-        """(F, σ) and its derivatives."""
-        return self.seen(x, p).linearisation
-
-    def jacobian(self, x: Array, p: float) -> Any:
-        """Derivative of (F, σ) with respect to (x, p)."""
-        return self.seen(x, p).linearisation.jacobian
-
-    def parameter_derivative(self, x: Array, p: float) -> Array:
-        """Derivative of (F, σ) with respect to q."""
-        return self.seen(x, p).linearisation.parameter_derivative
-
-    def seen(self, z: Array, q: float) -> _Seen:
-        """Return what there is to know at (x, p; q)."""
-        if self._last is not None and self._last[0] is z and self._last[1] == q:
-            return self._last[2]
-        x, p, problem = z[:-1], float(z[-1]), self.make_problem(q)
-        at = problem.linearise(x, p)
-        bordered = factorise(as_matrix(at.jacobian), self.column, self.row, 0.0)
-        right, sigma = bordered.solve(np.zeros_like(x), 1.0)
-        transposed = bordered.solve_transposed(np.zeros_like(x), 1.0)
-        left = self.column if transposed is None else transposed[0]
-
-        def rates(of: list[tuple[float, Linearisation]]) -> list[Array]:
-            """Sums of F, ψᵀJ and ψᵀF_p with weights."""
-            parts = [
-                (
-                    weight * one.residual,
-                    weight * (as_matrix(one.jacobian).T @ left),
-                    weight * (left @ one.parameter_derivative),
-                )
-                for weight, one in of
-            ]
-            return [sum(part[1:], part[0]) for part in zip(*parts, strict=True)]
-
-        step = STEP * max(self.lengths.bend, float(np.abs(x).max())) / float(np.abs(right).max())
-        _, bend, slant = rates([(0.5 * s / step, problem.linearise(x + s * step * right, p)) for s in (-1, 1)])
-        interval = self.lengths.interval
-        change = STEP * max(min(1.0, interval.width), abs(q))
-        # Beyond its range a family may not exist: at an edge the difference is one-sided, of the same order.
-        side = 0
-        if interval.low <= q < interval.low + change:
-            side = 1
-        elif interval.high >= q > interval.high - change:
-            side = -1
-        places = ((-3, 0), (4, side), (-1, 2 * side)) if side else ((-1, -1), (1, 1))
-        shares = [0.5 * weight * (side or 1) / change for weight, _ in places]
-        there = [self.make_problem(q + by * change).linearise(x, p) for _, by in places]
-        push, turn, _ = rates(list(zip(shares, there, strict=True)))
-        matrix = bordered_matrix(at.jacobian, at.parameter_derivative, -bend, -float(slant))
-        linearisation = Linearisation(np.append(at.residual, sigma), matrix, np.append(push, -float(turn @ right)))
-        found = _Seen(linearisation, right, left, float(bend @ right))
-        self._last = (z, q, found)
-        return found
+    def length(self, z: Array, point: Point) -> float:
+        """The length over which F bends, or rounding allows."""
+        return max(self.lengths.bend, float(np.abs(point.x).max())) / float(np.abs(point.tangent_x).max())
 
     def inner(self, u: Array, v: Array) -> float:
         """Mean square of x and square of p, in units of their lengths."""
@@ -225,55 +171,24 @@ class _FoldProblem(Problem):
         lengths = self.lengths
         return np.append(u[:-1] / ((u.size - 1) * lengths.state**2), u[-1] / lengths.parameter**2)
 
-    def measured(self, fold: Fold, q: float) -> _Lengths:
-        """Lengths of x and p: their sizes, and how far q moves them; neither is rounding beside the other.
 
-        Where x changes by s next to a fold, p does by curvature s²/2.
-        """
-        move, height = self._moved(fold, q)
-        state, height = _mean(fold.x) + _mean(move), abs(fold.parameter) + height
-        curvature = abs(fold.curvature) if math.isfinite(fold.curvature) else 0.0
-        if curvature == 0.0:
-            return _Lengths(state or 1.0, height or 1.0, 1.0, self.lengths.interval)
-        curvature *= fold.x.size / float(fold.null_vector @ fold.null_vector)
-        bend = math.sqrt(2 * height / curvature)
-        state = max(state, ASIDE * bend)
-        height = max(height, ASIDE * curvature * state**2 / 2)
-        return _Lengths(state or 1.0, height or 1.0, min(1.0, max(bend, state)) or 1.0, self.lengths.interval)
+def _lengths(fold: Fold, move: Array) -> _Lengths:
+    """Lengths of x and p: their sizes, and how far q moves them; neither is rounding beside the other.
 
-    def _moved(self, fold: Fold, q: float) -> tuple[Array, float]:
-        """By how much the fold moves over the range of q, as far as its rate tells."""
-        still, width = np.zeros_like(fold.x), self.lengths.interval.width
-        try:
-            at = self.seen(np.append(fold.x, fold.parameter), q).linearisation
-            border = np.zeros(fold.x.size + 1)
-            move, _ = factorise(at.jacobian, border, border, 1.0).solve(-at.parameter_derivative, 0.0)
-        except Exception:  # of whatever kind, the trace meets it, too, and reports it
-            return still, 0.0
-        move = move * (width if math.isfinite(width) else max(1.0, abs(q)))
-        return (move[:-1], abs(float(move[-1]))) if np.isfinite(move).all() else (still, 0.0)
-
-    def adapt(self, x: Array, p: float) -> Adaptation | None:
-        """Replace borders that have turned away from the null vectors."""
-        seen = self.seen(x, p)
-        pairs = ((seen.right, self.row), (seen.left, self.column))
-        if all(ALIGNED * np.linalg.norm(a) * np.linalg.norm(b) < 1 for a, b in pairs):
-            return None
-        row, column = (a / float(a @ a) for a, _ in pairs)
-        return Adaptation(_FoldProblem(self.make_problem, row, column, self.lengths), x, lambda vector: vector)
+    Where x changes by s next to a fold, p does by curvature s²/2. A state with which p changes by less than its error
+    is zero; a parameter that is less than its error has the length of which that is the rounding.
+    """
+    curvature = abs(fold.curvature) * fold.x.size / float(fold.null_vector @ fold.null_vector)
+    curvature = curvature if math.isfinite(curvature) else 0.0
+    state, height = _mean(fold.x), abs(fold.parameter)
+    state = _mean(move[:-1]) + (state if curvature * state**2 / 2 > fold.error else 0.0)
+    height = abs(float(move[-1])) + (height if height > fold.error else fold.error / (4 * ROUNDING))
+    bend = math.sqrt(2 * height / curvature) if curvature else 0.0
+    state = max(state, LEAST_LENGTH * bend)
+    height = max(height, LEAST_LENGTH * curvature * state**2 / 2)
+    return _Lengths(state or 1.0, height or 1.0, min(1.0, max(bend, state)) or 1.0)
 
 
 def _mean(x: Array) -> float:
     """The root mean square."""
     return math.sqrt(float(x @ x) / x.size)
-
-
-class _CuspEvent(Event):
-    """Where the curvature of the curve at its fold passes zero."""
-
-    name = "cusp"
-
-    def value(self, point: Point) -> float:
-        """Return ψᵀ F_xx φ φ."""
-        problem: Any = point.problem
-        return float(problem.seen(point.x, point.parameter).curvature)

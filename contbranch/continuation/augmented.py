@@ -1,0 +1,235 @@
+"""Solutions that fulfil one condition besides, as a curve in a second parameter: a minimally augmented system.
+
+    F(x, p; q) = 0                  solutions
+    G(x, p; q) = 0                  the condition: at a fold, the parameter's component of the tangent at fixed q
+
+for the unknowns (x, p), with q as the parameter: one equation and one unknown more than F alone (W. J. F. Govaerts,
+Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 4). The tangent v of the curve of solutions
+at fixed q comes from the bordered matrix
+
+    [ F_x  F_p ] [ v_x ]   [ 0 ]
+    [   c^T    ] [ v_p ] = [ 1 ].
+
+G is taken at the state moved onto the solutions by one Newton step with that matrix, at fixed c·(x, p). Its derivative
+is then a multiple of c^T, and only its rates along the two tangents of the surface of solutions (v, and the change with
+q at fixed c·(x, p)) are needed, which differences give. They enter the rate of convergence and the tangents, not the
+solutions. Where the rate along v vanishes, q turns round: two of these points merge, at a cusp.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from contbranch.continuation.bordered import Bordered, as_matrix, bordered_matrix, factorise
+from contbranch.continuation.curve import Point
+from contbranch.continuation.edge import Range
+from contbranch.continuation.events import Event
+from contbranch.continuation.newton import ROUNDING, border, linearise, residual, solve
+from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
+
+__all__ = ["Augmented", "Sheet", "Turn"]
+
+# A state farther from the solutions than this, relative to itself, is moved onto them before the condition is taken.
+ON_SURFACE = 1e-9
+# Cosine between the border and the tangent below which the tangent becomes the border.
+ALIGNED = 0.7
+# Problems that are kept: those at a point, and as many beside it as a difference takes.
+PROBLEMS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The solutions at fixed q around a state: the state with its unit tangent, the linearisation, and its matrix."""
+
+    point: Point
+    linear: Linearisation
+    bordered: Bordered
+
+    def solve(self, f: Array) -> tuple[Array, float]:
+        """The (x, p) with ``F_x x + F_p p = f`` and no component along the border."""
+        return solve(self.bordered, f, 0.0, self.point.parameter)
+
+
+class Augmented(Problem):
+    """The augmented system of a family of problems; `inner` and `dual` are those of (x, p).
+
+    Parameters
+    ----------
+    at : callable
+        The problem F at a value of q.
+    reference : array (n + 1,)
+        Direction (x, p) that borders the matrix, and orients tangents.
+    interval : Range
+        Of q: beyond it the family need not exist.
+
+    Attributes
+    ----------
+    order, roundoff : int, float
+        Order of the differences of the condition, and its rounding errors: together they fix the steps.
+    """
+
+    order: int = 2
+    roundoff: ClassVar[float] = ROUNDING
+
+    def __init__(self, at: Callable[[float], Problem], reference: Array, interval: Range) -> None:
+        self.at = at if hasattr(at, "cache_info") else lru_cache(PROBLEMS)(at)
+        self.reference, self.interval = reference, interval
+        self.border = self.dual(reference / math.sqrt(self.inner(reference, reference)))
+        self._last: tuple[Array, float, Sheet, Sheet] | None = None
+
+    @abstractmethod
+    def condition(self, point: Point, q: float) -> float:
+        """G at a solution with its unit tangent at fixed q."""
+
+    @abstractmethod
+    def on(self, reference: Array) -> Self:
+        """The same system with another border."""
+
+    # -- the last component of the state: p, or a function of it ------------------------------------------------------
+    def split(self, z: Array) -> tuple[Array, float]:
+        """(x, p) of a state."""
+        return z[:-1], float(z[-1])
+
+    def stretch(self, w: float) -> float:
+        """Derivative of p with respect to the last component."""
+        return 1.0
+
+    def inside(self, p: float) -> float:
+        """P, or the nearest value for which F is known."""
+        return p
+
+    def ahead(self, z: Array, point: Point, s: float) -> tuple[Array, float]:
+        """(x, p) at a distance along the tangent, in terms of the state's last component."""
+        return point.x + s * point.tangent_x, point.parameter + s * point.tangent_parameter
+
+    def room(self, z: Array, point: Point) -> tuple[float, float]:
+        """Distances along the tangent, backwards and forwards, between which F is known."""
+        return -math.inf, math.inf
+
+    def length(self, z: Array, point: Point) -> float:
+        """Distance along the tangent over which the condition changes by its own size."""
+        return 1.0
+
+    # -- solutions at fixed q -----------------------------------------------------------------------------------------
+    def sheet(self, x: Array, p: float, q: float) -> Sheet:
+        """Linearisation and tangent at (x, p; q).
+
+        Raises
+        ------
+        CorrectionError
+            If the state cannot be evaluated.
+        """
+        problem = self.at(q)
+        linear = linearise(problem, x, p)
+        linear = linear._replace(jacobian=as_matrix(linear.jacobian))
+        bordered = border(problem, x, p, linear, (self.border[:-1], float(self.border[-1])))
+        tangent = np.append(*solve(bordered, np.zeros_like(x), 1.0, p))
+        tangent /= math.sqrt(self.inner(tangent, tangent))
+        return Sheet(Point(problem, x, p, tangent[:-1], float(tangent[-1])), linear, bordered)
+
+    def sheets(self, z: Array, q: float) -> tuple[Sheet, Sheet]:
+        """The linearisations at a state, and at the solution next to it."""
+        if self._last is None or self._last[0] is not z or self._last[1] != q:
+            own = nearest = self.sheet(*self.split(z), q)
+            dx, dp = own.solve(-own.linear.residual)
+            if math.sqrt(self.inner(step := np.append(dx, dp), step)) > ON_SURFACE:
+                nearest = self.sheet(own.point.x + dx, self.inside(own.point.parameter + dp), q)
+            self._last = (z, q, own, nearest)
+        return self._last[2:]
+
+    # -- the augmented system -----------------------------------------------------------------------------------------
+    def residual(self, x: Array, p: float) -> Array:
+        """(F, G), shape (n + 1,)."""
+        own, nearest = self.sheets(x, p)
+        return np.append(own.linear.residual, self.condition(nearest.point, p))
+
+    def jacobian(self, x: Array, p: float) -> Any:
+        """Derivative of (F, G) with respect to (x, p), shape (n + 1, n + 1)."""
+        sheet, stretch = self.sheets(x, p)[0], self.stretch(float(x[-1]))
+        # G changes along the border alone, at its rate along the tangent.
+        row = np.append(self.border[:-1] / max(stretch, 1e-8), self.border[-1])
+        tangent = np.append(stretch * sheet.point.tangent_x, sheet.point.tangent_parameter)
+        row *= self.along(x, sheet.point, p) / float(row @ tangent)
+        return bordered_matrix(sheet.linear.jacobian, stretch * sheet.linear.parameter_derivative, row[:-1], row[-1])
+
+    def parameter_derivative(self, x: Array, p: float) -> Array:
+        """Derivative of (F, G) with respect to q, shape (n + 1,)."""
+        return self.across(self.sheets(x, p)[0], p)
+
+    def along(self, z: Array, point: Point, q: float) -> float:
+        """Rate of the condition along the tangent at fixed q."""
+        length = self.length(z, point) * self.roundoff ** (1 / (self.order + 1))
+        return float(self.difference(lambda s: self._level(*self.ahead(z, point, s), q), length, *self.room(z, point)))
+
+    def across(self, sheet: Sheet, q: float) -> Array:
+        """Rates of F with q at fixed (x, p), and of the condition along the surface of solutions, at fixed c·(x, p).
+
+        The step balances rounding, relative to the size of q, with truncation, relative to the distance from an edge of
+        the range, at which derivatives may be infinite.
+        """
+        x, p = sheet.point.x, sheet.point.parameter
+        back, forth = self.interval.low - q, self.interval.high - q
+        size = max(min(1.0, self.interval.width), abs(q))
+        distance = min(size, -back, forth)
+        if not distance > ROUNDING * size:
+            distance = size
+        step = (self.roundoff * size * distance**self.order) ** (1 / (self.order + 1))
+        rate = np.asarray(self.difference(lambda s: residual(self.at(q + s), x, p), step, back, forth))
+        dx, dp = sheet.solve(-rate)
+        change = self.difference(lambda s: self._level(x + s * dx, self.inside(p + s * dp), q + s), step, back, forth)
+        return np.append(rate, change)
+
+    def difference(self, of: Callable[[float], Any], step: float, low: float, high: float) -> Any:
+        """Derivative at zero of a function that is known between two places, by differences: central if there is room.
+
+        To one side otherwise, of the same order.
+        """
+        half = self.order // 2
+        nodes = np.arange(-half, half + 1.0)
+        if nodes[0] * step < low:
+            nodes += half
+        elif nodes[-1] * step > high:
+            nodes -= half
+        weights = np.linalg.solve(np.vander(nodes, increasing=True).T, np.eye(nodes.size)[1])
+        used = np.abs(weights) > ROUNDING
+        return sum(w * of(k * step) for k, w in zip(nodes[used], weights[used], strict=True)) / step
+
+    def _level(self, x: Array, p: float, q: float) -> float:
+        """The condition next to a solution; where it is tangent to the surface a step leaves that by its square."""
+        return self.condition(self.sheet(x, p, q).point, q)
+
+    def moved(self, z: Array, q: float) -> Array:
+        """Derivative of the solution (x, p) of both equations with respect to q, shape (n + 1,)."""
+        at = linearise(self, z, q)
+        none = np.zeros(z.size)
+        return solve(factorise(at.jacobian, none, none, 1.0), -at.parameter_derivative, 0.0, q)[0]
+
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """A border close to the tangent, where the present one no longer is."""
+        tangent = tangent_of(self.sheets(x, p)[1].point)
+        if abs(float(self.border @ tangent)) >= ALIGNED:
+            return None
+        return Adaptation(self.on(tangent), x, lambda vector: vector)
+
+
+def tangent_of(point: Point) -> Array:
+    """The tangent (x, p) of a point, shape (n + 1,)."""
+    return np.append(point.tangent_x, point.tangent_parameter)
+
+
+class Turn(Event):
+    """The parameter q turns round, and two solutions of both equations merge: of folds, at a cusp."""
+
+    name = "cusp"
+    noise = 2e-10  # of differences in tangents
+
+    def value(self, point: Point) -> float:
+        """Component of the tangent."""
+        return point.tangent_parameter
