@@ -38,8 +38,6 @@ __all__ = ["Augmented", "Sheet", "Turn"]
 
 # A state farther from the solutions than this, relative to itself, is moved onto them before the condition is taken.
 ON_SURFACE = 1e-9
-# Cosine between the border and the tangent below which the tangent becomes the border.
-ALIGNED = 0.7
 # Problems that are kept: those at a point, and as many beside it as a difference takes.
 PROBLEMS = 8
 
@@ -73,10 +71,13 @@ class Augmented(Problem):
     ----------
     order, roundoff : int, float
         Order of the differences of the condition, and its rounding errors: together they fix the steps.
+    aligned : float
+        Cosine between the border and the tangent below which the tangent becomes the border.
     """
 
     order: int = 2
     roundoff: ClassVar[float] = ROUNDING
+    aligned: float = 0.7
 
     def __init__(self, at: Callable[[float], Problem], reference: Array, interval: Range) -> None:
         self.at = at if hasattr(at, "cache_info") else lru_cache(PROBLEMS)(at)
@@ -156,24 +157,16 @@ class Augmented(Problem):
         # G changes along the border alone, at its rate along the tangent.
         row = np.append(self.border[:-1] / max(stretch, 1e-8), self.border[-1])
         tangent = np.append(stretch * sheet.point.tangent_x, sheet.point.tangent_parameter)
-        row *= self.along(x, sheet.point, p) / float(row @ tangent)
+        row *= self.rate_along(x, sheet.point, p) / float(row @ tangent)
         return bordered_matrix(sheet.linear.jacobian, stretch * sheet.linear.parameter_derivative, row[:-1], row[-1])
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
-        """Derivative of (F, G) with respect to q, shape (n + 1,)."""
-        return self.across(self.sheets(x, p)[0], p)
-
-    def along(self, z: Array, point: Point, q: float) -> float:
-        """Rate of the condition along the tangent at fixed q."""
-        length = self.length(z, point) * self.roundoff ** (1 / (self.order + 1))
-        return float(self.difference(lambda s: self._level(*self.ahead(z, point, s), q), length, *self.room(z, point)))
-
-    def across(self, sheet: Sheet, q: float) -> Array:
         """Rates of F with q at fixed (x, p), and of the condition along the surface of solutions, at fixed c·(x, p).
 
         The step balances rounding, relative to the size of q, with truncation, relative to the distance from an edge of
         the range, at which derivatives may be infinite.
         """
+        sheet, q = self.sheets(x, p)[0], p
         x, p = sheet.point.x, sheet.point.parameter
         back, forth = self.interval.low - q, self.interval.high - q
         size = max(min(1.0, self.interval.width), abs(q))
@@ -185,6 +178,11 @@ class Augmented(Problem):
         dx, dp = sheet.solve(-rate)
         change = self.difference(lambda s: self._level(x + s * dx, self.inside(p + s * dp), q + s), step, back, forth)
         return np.append(rate, change)
+
+    def rate_along(self, z: Array, point: Point, q: float) -> float:
+        """Rate of the condition along the tangent at fixed q."""
+        length = self.length(z, point) * self.roundoff ** (1 / (self.order + 1))
+        return float(self.difference(lambda s: self._level(*self.ahead(z, point, s), q), length, *self.room(z, point)))
 
     def difference(self, of: Callable[[float], Any], step: float, low: float, high: float) -> Any:
         """Derivative at zero of a function that is known between two places, by differences: central if there is room.
@@ -214,7 +212,7 @@ class Augmented(Problem):
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A border close to the tangent, where the present one no longer is."""
         tangent = tangent_of(self.sheets(x, p)[1].point)
-        if abs(float(self.border @ tangent)) >= ALIGNED:
+        if abs(float(self.border @ tangent)) >= self.aligned:
             return None
         return Adaptation(self.on(tangent), x, lambda vector: vector)
 
