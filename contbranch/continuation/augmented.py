@@ -23,7 +23,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -69,21 +69,21 @@ class Augmented(Problem):
 
     Attributes
     ----------
-    order, roundoff : int, float
-        Order of the differences of the condition, and its rounding errors: together they fix the steps.
+    order : int
+        Of the differences of the condition, which fixes their steps.
     aligned : float
         Cosine between the border and the tangent below which the tangent becomes the border.
     """
 
     order: int = 2
-    roundoff: ClassVar[float] = ROUNDING
     aligned: float = 0.7
 
     def __init__(self, at: Callable[[float], Problem], reference: Array, interval: Range) -> None:
         self.at = at if hasattr(at, "cache_info") else lru_cache(PROBLEMS)(at)
         self.reference, self.interval = reference, interval
         self.border = self.dual(reference / math.sqrt(self.inner(reference, reference)))
-        self._last: tuple[Array, float, Sheet, Sheet] | None = None
+        self._own: tuple[Array, float, Sheet] | None = None
+        self._nearest: tuple[Array, float, Point] | None = None
 
     @abstractmethod
     def condition(self, point: Point, q: float) -> float:
@@ -135,25 +135,30 @@ class Augmented(Problem):
         tangent /= math.sqrt(self.inner(tangent, tangent))
         return Sheet(Point(problem, x, p, tangent[:-1], float(tangent[-1])), linear, bordered)
 
-    def sheets(self, z: Array, q: float) -> tuple[Sheet, Sheet]:
-        """The linearisations at a state, and at the solution next to it."""
-        if self._last is None or self._last[0] is not z or self._last[1] != q:
-            own = nearest = self.sheet(*self.split(z), q)
-            dx, dp = own.solve(-own.linear.residual)
+    def own(self, z: Array, q: float) -> Sheet:
+        """The linearisation at a state."""
+        if self._own is None or self._own[0] is not z or self._own[1] != q:
+            self._own = (z, q, self.sheet(*self.split(z), q))
+        return self._own[2]
+
+    def nearest(self, z: Array, q: float) -> Point:
+        """The solution next to a state."""
+        if self._nearest is None or self._nearest[0] is not z or self._nearest[1] != q:
+            own = self.own(z, q)
+            point, (dx, dp) = own.point, own.solve(-own.linear.residual)
             if math.sqrt(self.inner(step := np.append(dx, dp), step)) > ON_SURFACE:
-                nearest = self.sheet(own.point.x + dx, self.inside(own.point.parameter + dp), q)
-            self._last = (z, q, own, nearest)
-        return self._last[2:]
+                point = self.sheet(point.x + dx, self.inside(point.parameter + dp), q).point
+            self._nearest = (z, q, point)
+        return self._nearest[2]
 
     # -- the augmented system -----------------------------------------------------------------------------------------
     def residual(self, x: Array, p: float) -> Array:
         """(F, G), shape (n + 1,)."""
-        own, nearest = self.sheets(x, p)
-        return np.append(own.linear.residual, self.condition(nearest.point, p))
+        return np.append(self.own(x, p).linear.residual, self.condition(self.nearest(x, p), p))
 
     def jacobian(self, x: Array, p: float) -> Any:
         """Derivative of (F, G) with respect to (x, p), shape (n + 1, n + 1)."""
-        sheet, stretch = self.sheets(x, p)[0], self.stretch(float(x[-1]))
+        sheet, stretch = self.own(x, p), self.stretch(float(x[-1]))
         # G changes along the border alone, at its rate along the tangent.
         row = np.append(self.border[:-1] / max(stretch, 1e-8), self.border[-1])
         tangent = np.append(stretch * sheet.point.tangent_x, sheet.point.tangent_parameter)
@@ -166,14 +171,14 @@ class Augmented(Problem):
         The step balances rounding, relative to the size of q, with truncation, relative to the distance from an edge of
         the range, at which derivatives may be infinite.
         """
-        sheet, q = self.sheets(x, p)[0], p
+        sheet, q = self.own(x, p), p
         x, p = sheet.point.x, sheet.point.parameter
         back, forth = self.interval.low - q, self.interval.high - q
         size = max(min(1.0, self.interval.width), abs(q))
         distance = min(size, -back, forth)
         if not distance > ROUNDING * size:
             distance = size
-        step = (self.roundoff * size * distance**self.order) ** (1 / (self.order + 1))
+        step = (ROUNDING * size * distance**self.order) ** (1 / (self.order + 1))
         rate = np.asarray(self.difference(lambda s: residual(self.at(q + s), x, p), step, back, forth))
         dx, dp = sheet.solve(-rate)
         change = self.difference(lambda s: self._level(x + s * dx, self.inside(p + s * dp), q + s), step, back, forth)
@@ -181,7 +186,7 @@ class Augmented(Problem):
 
     def rate_along(self, z: Array, point: Point, q: float) -> float:
         """Rate of the condition along the tangent at fixed q."""
-        length = self.length(z, point) * self.roundoff ** (1 / (self.order + 1))
+        length = self.length(z, point) * ROUNDING ** (1 / (self.order + 1))
         return float(self.difference(lambda s: self._level(*self.ahead(z, point, s), q), length, *self.room(z, point)))
 
     def difference(self, of: Callable[[float], Any], step: float, low: float, high: float) -> Any:
@@ -205,13 +210,12 @@ class Augmented(Problem):
 
     def moved(self, z: Array, q: float) -> Array:
         """Derivative of the solution (x, p) of both equations with respect to q, shape (n + 1,)."""
-        at = linearise(self, z, q)
         none = np.zeros(z.size)
-        return solve(factorise(at.jacobian, none, none, 1.0), -at.parameter_derivative, 0.0, q)[0]
+        return solve(factorise(self.jacobian(z, q), none, none, 1.0), -self.parameter_derivative(z, q), 0.0, q)[0]
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A border close to the tangent, where the present one no longer is."""
-        tangent = tangent_of(self.sheets(x, p)[1].point)
+        tangent = tangent_of(self.nearest(x, p))
         if abs(float(self.border @ tangent)) >= self.aligned:
             return None
         return Adaptation(self.on(tangent), x, lambda vector: vector)

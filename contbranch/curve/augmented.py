@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from contbranch.contact.family import Family
 from contbranch.continuation import Adaptation, Event, Metric, Options, Point
 from contbranch.continuation.augmented import Augmented, Sheet, tangent_of
 from contbranch.continuation.edge import Range
+from contbranch.continuation.newton import ROUNDING
 from contbranch.continuation.problem import Array
+from contbranch.continuation.walk import corrected_point
 from contbranch.control import Control
 from contbranch.curve.events import FoldEvent, rates
 from contbranch.curve.problem import Defect, EquilibriumProblem, Rates, equilibrium
@@ -32,8 +34,12 @@ LEAST_LENGTH = 1e-2
 # The parameter itself is the border where the tangent has at least this component of it; contacts that are all but none
 # have no other direction along which states change evenly with w.
 UPRIGHT = 1e-3
+# States are measured in units of the one at the start, or of this share of the interaction's range.
+LEAST_SIZE = 1e-2
 # This far beyond an edge of the parameter is rounding.
 EDGE_ROUNDING = 1e-12
+# How far points on the curve are corrected.
+PRECISE = Options(tolerance=1e-12, noise=1e8)
 STEPS = Options(
     angle=0.3,
     angle_limit=0.8,
@@ -85,9 +91,7 @@ class Condition:
         return event.control.weights
 
     def value(self, point: Point, q: float) -> float:
-        """A number that vanishes at the event, smooth; the point has its unit tangent at fixed q."""
-        if self.edge is not None:
-            return point.parameter - self.edge
+        """A number that vanishes at a fold or another event; the point has its unit tangent at fixed q."""
         return self.event.value(point) if self.event is not None else float(np.dot(self.weights(q), rates(point)))
 
 
@@ -114,8 +118,6 @@ class EventProblem(Augmented, EquilibriumProblem):
         Of differences.
     """
 
-    roundoff: ClassVar[float] = 1e-12
-
     def __init__(
         self, what: Condition, base: EquilibriumProblem, reference: Array, interval: Range, unit: float, order: int = 2
     ) -> None:
@@ -126,10 +128,17 @@ class EventProblem(Augmented, EquilibriumProblem):
             self.aligned = 0.5 * UPRIGHT
             reference = np.append(np.zeros(reference.size - 1), reference[-1])
 
-        def member(q: float) -> EquilibriumProblem:
-            return base if family.spacing == "angle" else base.member(family.reduced(q)[0])
+        def at(q: float) -> EquilibriumProblem:
+            return base if family.spacing == "angle" else base.varied(family.reduced(q)[0])
 
-        super().__init__(member, reference, interval)
+        super().__init__(at, reference, interval)
+
+    @classmethod
+    def around(cls, what: Condition, point: Point, interval: Range) -> Self:
+        """The system at an event's equilibrium; a state may vanish there."""
+        base = equilibrium(point)
+        unit = max(math.sqrt(base.inner(point.x, point.x)), LEAST_SIZE * base.scale)
+        return cls(what, base, tangent_of(point), interval, unit)
 
     def on(self, reference: Array, base: EquilibriumProblem | None = None, order: int | None = None) -> Self:
         """The same event with another border, on another discretisation or representation."""
@@ -141,7 +150,9 @@ class EventProblem(Augmented, EquilibriumProblem):
         return self.on(np.append(self.base.carried(x, x, math.nan, base), self.reference[-1]), base)
 
     def condition(self, point: Point, q: float) -> float:
-        """That of the event."""
+        """What vanishes at the event, smooth in w."""
+        if self.what.edge is not None:
+            return self.root(point.parameter) - self.root(self.what.edge)
         return self.what.value(point, q)
 
     # -- state --------------------------------------------------------------------------------------------------------
@@ -189,12 +200,7 @@ class EventProblem(Augmented, EquilibriumProblem):
 
     def room(self, z: Array, point: Point) -> tuple[float, float]:
         """Distances to the edges of the parameter."""
-        a = point.tangent_parameter or math.nan
-        return self._room(float(z[-1]), a)
-
-    def _room(self, w: float, rate: float) -> tuple[float, float]:
-        low, high = sorted((edge - w) / rate if rate else math.copysign(math.inf, edge - w) for edge in self.edges)
-        return low, high
+        return _room(float(z[-1]), point.tangent_parameter, self.edges)
 
     def length(self, z: Array, point: Point) -> float:
         """W itself, as far as that is not too short."""
@@ -226,7 +232,19 @@ class EventProblem(Augmented, EquilibriumProblem):
 
     def held(self, point: Point) -> Point:
         """The equilibrium of a point of this curve, with its unit tangent at fixed q."""
-        return self.sheets(point.x, point.parameter)[1].point
+        return self.nearest(point.x, point.parameter)
+
+    def solved(self, z: Array, q: float, place: bool = False) -> Point:
+        """The event at q next to a state; with `place` that with the state's w, for which q is found.
+
+        Raises
+        ------
+        CorrectionError
+            If there is none close by.
+        """
+        held = np.append(np.zeros(z.size - 1), float(place)), float(not place)
+        point, _ = corrected_point(self, (z, q), held, self.metric(z), PRECISE)
+        return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
 
     # -- what is seen -------------------------------------------------------------------------------------------------
     def start(self, control: Control) -> Point:
@@ -243,12 +261,19 @@ class EventProblem(Augmented, EquilibriumProblem):
     )
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
-        """Of the equilibrium, by differences; to one side where the other has no states."""
-        room = self._room(float(x[-1]), float(x_rate[-1]))
-        step = self.roundoff ** (1 / (self.order + 1))
-        return Rates(
-            *self.difference(lambda s: np.array(self.values(x + s * x_rate, p + s * p_rate)[:4]), step, *room).tolist()
-        )
+        """Of the equilibrium, by differences; that of the radius by its square, smooth where contact begins."""
+
+        def values(s: float) -> Array:
+            load, displacement, radius, gap, _ = self.values(x + s * x_rate, p + s * p_rate)
+            return np.array([load, displacement, radius**2, gap])
+
+        low, high = _room(float(x[-1]), float(x_rate[-1]), self.edges)
+        least, most = _room(p, p_rate, self.parameter_range)
+        step = ROUNDING ** (1 / (self.order + 1))
+        found = self.difference(values, step, max(low, least), min(high, most))
+        radius = self.values(x, p).contact_radius
+        found[2] *= 0.5 / radius if radius > 0.0 else 0.0
+        return Rates(*found.tolist())
 
     # -- discretisations ----------------------------------------------------------------------------------------------
     def adapt(self, x: Array, p: float) -> Adaptation | None:
@@ -262,7 +287,7 @@ class EventProblem(Augmented, EquilibriumProblem):
         def carried(z: Array) -> Array:
             return np.append(transfer(z[:-1]), z[-1])
 
-        tangent = tangent_of(self.sheets(x, p)[1].point)
+        tangent = tangent_of(self.nearest(x, p))
         return Adaptation(self.on(carried(tangent), base), np.append(offer.x, x[-1]), carried)
 
     def finer(self) -> Self:
@@ -294,6 +319,14 @@ class EventProblem(Augmented, EquilibriumProblem):
     def rounding(self) -> float:
         """Of the equilibrium."""
         return self.base.rounding
+
+
+def _room(place: float, rate: float, edges: tuple[float, float]) -> tuple[float, float]:
+    """Distances, backwards and forwards, over which what changes at a rate stays between two edges."""
+    if rate == 0.0:
+        return -math.inf, math.inf
+    low, high = sorted((edge - place) / rate for edge in edges)
+    return low, high
 
 
 def augmented(point: Point) -> EventProblem:

@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation import CorrectionError, End, Event, Options, Outcome, Point, Segment, StopAt
+from contbranch.continuation import CorrectionError, End, Event, Outcome, Point, Segment, StopAt
 from contbranch.continuation.augmented import Turn, tangent_of
 from contbranch.continuation.edge import Range, land
 from contbranch.continuation.follow import follow
-from contbranch.continuation.problem import Array
-from contbranch.continuation.walk import annotated, corrected_point
+from contbranch.continuation.walk import annotated
 from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.curve.augmented import STEPS, Condition, EventProblem, augmented
 from contbranch.curve.events import Margin, rates
@@ -36,12 +35,8 @@ PASSAGES = 8
 # Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
 # there. Loads this many times larger count as none, or those below a share of the accuracy.
 TOLERANCE, FAR_TOLERANCE, RESOLVED, NEGLIGIBLE = 3e-7, 1e-9, 60.0, 0.5
-# States are measured in units of the one at the start, or of this share of the interaction's range.
-LEAST_SIZE = 1e-2
 # Discretisations are made anew so often at the start.
 REMESHES = 3
-# How far points on the curve are corrected.
-PRECISE = Options(tolerance=1e-12, noise=1e8)
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
 PAIR = "Two events of this kind merge: the parameter has an extremum along them."
 COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
@@ -183,12 +178,10 @@ class EventCurve:
     def _start(self, place: Point) -> Point:
         """The event on a discretisation as fine as the curve needs, towards larger values of the parameter."""
         base = equilibrium(place)
-        # A state may vanish at the event itself.
-        size = max(math.sqrt(base.inner(place.x, place.x)), LEAST_SIZE * base.scale)
         problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
         own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
-        system = EventProblem(self.condition, equilibrium(own), tangent_of(own), self.interval, size)
-        return annotated(_solved(system, system.joined(own.x, own.parameter), self.q), label="start")
+        system = EventProblem.around(self.condition, own, self.interval)
+        return annotated(system.solved(system.joined(own.x, own.parameter), self.q), label="start")
 
     def _resolved(self, point: Point) -> Point:
         """A point on a discretisation as fine as the curve needs."""
@@ -264,7 +257,7 @@ class EventCurve:
             points[-1] = replace(last, label="")
             for door in doors[:1]:
                 other = problem.on(tangent_of(door), equilibrium(door))
-                touch = _solved(other, other.joined(door.x, edge), last.parameter, place=True)
+                touch = other.solved(other.joined(door.x, edge), last.parameter, place=True)
                 if not self.interval.contains(touch.parameter):  # it is not so close, and the range ends before
                     raise CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
                 points.append(replace(touch, label="touch"))
@@ -276,7 +269,7 @@ class EventCurve:
             w = other.root(edge) + inward * beside
             try:
                 z = np.append(door.x + (other.parameter(w) - edge) * rate, w)
-                start = self._resolved(_solved(other, z, points[-1].parameter, place=True))
+                start = self._resolved(other.solved(z, points[-1].parameter, place=True))
             except CorrectionError as error:
                 failure = error
                 continue
@@ -428,19 +421,6 @@ def _as_special(row: FollowedPoint, index: int, kind: str, message: str, control
     return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
 
 
-def _solved(problem: EventProblem, z: Array, q: float, place: bool = False) -> Point:
-    """The point of the curve at q; with `place` that with the state's w, for which q is found.
-
-    Raises
-    ------
-    CorrectionError
-        If there is none close by.
-    """
-    held = np.append(np.zeros(z.size - 1), float(place)), float(not place)
-    point, _ = corrected_point(problem, (z, q), held, problem.metric(z), PRECISE)
-    return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
-
-
 def _between(begin: Point, end: Point, q: float) -> Point:
     """The point of the curve at a coordinate between two neighbouring points.
 
@@ -458,4 +438,4 @@ def _between(begin: Point, end: Point, q: float) -> Point:
     x, p = there.split(touch.x)
     z = problem.joined(there.base.carried(x, x, p, problem.base), p)
     share = (q - touch.parameter) / (own.parameter - touch.parameter)
-    return _solved(problem, z + share * (own.x - z), q)
+    return problem.solved(z + share * (own.x - z), q)

@@ -184,8 +184,8 @@ def augmented(name: str, control: str) -> tuple[EventProblem, np.ndarray]:
     place = folds()[name, control].origin.raw.place
     tabor = family_of(CONTACT, "tabor", 1.0)
     condition = Condition(tabor, LOAD if control == "load" else DISPLACEMENT)
-    size = math.sqrt(place.problem.inner(place.x, place.x))
-    made = EventProblem(condition, place.problem, tangent_of(place), Range(-1.0, 0.5), size, order=4)
+    made = EventProblem.around(condition, place, Range(-1.0, 0.5))
+    made = made.on(tangent_of(place), order=4)
     return made, made.joined(place.x, place.parameter)
 
 
