@@ -23,8 +23,6 @@ __all__ = ["CONTROLS", "Crossing", "before", "crossing", "crossings", "pieces_at
 
 # What may be asked for; a contact radius is no control.
 CONTROLS: Mapping[str, Control | None] = {"load": LOAD, "displacement": DISPLACEMENT, "contact_radius": None}
-# Share of a piece to which a crossing is bracketed before it is refined.
-BRACKET = 1e-4
 # The finer discretisation that an energy is compared with has an error of its own; sums of energies round.
 SAFETY, ROUNDING = 3.0, 2.5
 
@@ -111,7 +109,7 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
             return Crossing(piece, refine(own, event, accuracy))
         ends = _link(track, piece)
         # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
-        nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
+        nearest = [begin, end.turned()] if ends is None else [between(ends, event)[1]]
         found = _refined(nearest, event, accuracy)
         if ends is None and piece not in track.gaps:  # of one problem: the better discretisation tells
             found = [min(found, key=Found.relative_error)]
