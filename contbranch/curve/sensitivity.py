@@ -45,7 +45,7 @@ FINE = 1e-8
 # Powers with which load, displacement, contact radius and central gap grow with the units of lengths in the plane, of
 # heights and of the modulus; energies per area grow like E Z²/X.
 POWERS = np.array([[1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
-UNITS = ((2.0, 1.0, 1.0), (1.0, 2.0, 1.0), (1.0, 1.0, 2.0))
+UNITS = (1.0 + np.eye(3)).tolist()
 # A parameter that follows from the others has at least this share in what it follows from.
 SHARE = 0.1
 
