@@ -118,6 +118,10 @@ class Augmented(Problem):
         """Distance along the tangent over which the condition changes by its own size."""
         return 1.0
 
+    def column(self, at: Linearisation) -> Array:
+        """What borders F_x besides c."""
+        return at.parameter_derivative
+
     # -- solutions at fixed q -----------------------------------------------------------------------------------------
     def sheet(self, x: Array, p: float, q: float) -> Sheet:
         """Linearisation and tangent at (x, p; q).
@@ -130,7 +134,8 @@ class Augmented(Problem):
         problem = self.at(q)
         linear = linearise(problem, x, p)
         linear = linear._replace(jacobian=as_matrix(linear.jacobian))
-        bordered = border(problem, x, p, linear, (self.border[:-1], float(self.border[-1])))
+        column = linear._replace(parameter_derivative=self.column(linear))
+        bordered = border(problem, x, p, column, (self.border[:-1], float(self.border[-1])))
         tangent = np.append(*solve(bordered, np.zeros_like(x), 1.0, p))
         tangent /= math.sqrt(self.inner(tangent, tangent))
         return Sheet(Point(problem, x, p, tangent[:-1], float(tangent[-1])), linear, bordered)
@@ -166,23 +171,26 @@ class Augmented(Problem):
         return bordered_matrix(sheet.linear.jacobian, stretch * sheet.linear.parameter_derivative, row[:-1], row[-1])
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
-        """Rates of F with q at fixed (x, p), and of the condition along the surface of solutions, at fixed c·(x, p).
+        """Rates of F with q at fixed (x, p), and of the condition along the surface of solutions, at fixed c·(x, p)."""
+        sheet, q = self.own(x, p), p
+        x, p = sheet.point.x, sheet.point.parameter
+        rate = np.asarray(self.rate_by_q(lambda s: residual(self.at(q + s), x, p), q))
+        dx, dp = sheet.solve(-rate)
+        return np.append(rate, self.rate_by_q(lambda s: self._level(x + s * dx, self.inside(p + s * dp), q + s), q))
+
+    def rate_by_q(self, of: Callable[[float], Any], q: float) -> Any:
+        """Derivative by q of a function of its change.
 
         The step balances rounding, relative to the size of q, with truncation, relative to the distance from an edge of
         the range, at which derivatives may be infinite.
         """
-        sheet, q = self.own(x, p), p
-        x, p = sheet.point.x, sheet.point.parameter
         back, forth = self.interval.low - q, self.interval.high - q
         size = max(min(1.0, self.interval.width), abs(q))
         distance = min(size, -back, forth)
         if not distance > ROUNDING * size:
             distance = size
         step = (ROUNDING * size * distance**self.order) ** (1 / (self.order + 1))
-        rate = np.asarray(self.difference(lambda s: residual(self.at(q + s), x, p), step, back, forth))
-        dx, dp = sheet.solve(-rate)
-        change = self.difference(lambda s: self._level(x + s * dx, self.inside(p + s * dp), q + s), step, back, forth)
-        return np.append(rate, change)
+        return self.difference(of, step, back, forth)
 
     def rate_along(self, z: Array, point: Point, q: float) -> float:
         """Rate of the condition along the tangent at fixed q."""

@@ -7,16 +7,18 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from contbranch.continuation.augmented import Augmented, Turn
+from contbranch.continuation.augmented import Augmented
+from contbranch.continuation.bordered import as_matrix, bordered_matrix
 from contbranch.continuation.curve import Curve, Fold, Point
 from contbranch.continuation.edge import Range
-from contbranch.continuation.newton import ROUNDING, CorrectionError
+from contbranch.continuation.events import Event
+from contbranch.continuation.newton import ROUNDING, CorrectionError, linearise
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Array, Problem
+from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
 from contbranch.continuation.trace import interval_around, trace_curve
 from contbranch.errors import InputError
 
@@ -87,8 +89,10 @@ def trace_folds(
 ) -> FoldCurve:
     """Follow a fold in a second parameter, through the cusps where it meets another one.
 
-    The unknowns are (x, p), the equations F = 0 and p' = 0, with p' the component of the unit tangent at fixed q, see
-    `contbranch.continuation.augmented`. At a cusp both parameters turn, so the curve passes it smoothly.
+    The unknowns are (x, p), the equations F = 0 and σ = 0 with σ from a bordered system, as in `locate_fold`; its
+    derivatives come from the left null vector ψ and differences of the Jacobian along the right one φ,
+    dσ = −ψᵀ dJ φ (A. Griewank and G. W. Reddien, IMA J. Numer. Anal. 3 (1983) 295). At a cusp both parameters turn, so
+    the curve passes it smoothly.
 
     Parameters
     ----------
@@ -121,14 +125,16 @@ def trace_folds(
     interval, start = interval_around(q_range, q), np.append(fold.x, fold.parameter)
     width = interval.width if math.isfinite(interval.width) else max(1.0, abs(q))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        folds = _Folds(make_problem, np.append(fold.null_vector, 0.0), interval, _lengths(fold, np.zeros(start.size)))
+        beside = at.parameter_derivative / float(at.parameter_derivative @ at.parameter_derivative)
+        lengths = _lengths(fold, np.zeros(start.size))
+        folds = _Folds(make_problem, np.append(fold.null_vector, 0.0), interval, lengths, beside)
         with suppress(CorrectionError):  # the trace meets it, too, and reports it
-            folds = folds.measured(_lengths(fold, width * folds.moved(start, q)))
+            folds = folds.on(folds.reference, lengths=_lengths(fold, width * folds.moved(start, q)))
     options = options or Options(noise=NOISE)
     # Where the fold rests, what rounding changes in units of its lengths is to set no scale.
     floor = max(options.state_floor, ROUNDING**0.5)
     options = replace(options, state_floor=floor, detect_folds=False, detect_branch_points=False)
-    return FoldCurve(trace_curve(folds, start, q, q_range, options, [Turn()]))
+    return FoldCurve(trace_curve(folds, start, q, q_range, options, [_CuspEvent()]))
 
 
 class _Lengths(NamedTuple):
@@ -140,23 +146,74 @@ class _Lengths(NamedTuple):
 
 
 class _Folds(Augmented):
-    """F(x, p; q) = 0 and p' = 0 for (x, p)."""
+    """F(x, p; q) = 0 and σ = 0 for (x, p), with σ and the null vectors from bordered systems
 
-    def __init__(self, at: Callable[[float], Problem], reference: Array, interval: Range, lengths: _Lengths) -> None:
-        self.lengths = lengths
+        [ F_x  b ] [ φ ]   [ 0 ]                [ F_xᵀ  c ] [ ψ ]   [ 0 ]
+        [ c^T  0 ] [ σ ] = [ 1 ]                [ b^T   0 ] [ σ ] = [ 1 ],
+
+    which are regular where F_p is in the range of F_x, too: at the centres of isolas, and where curves cross.
+    """
+
+    def __init__(
+        self, at: Callable[[float], Problem], reference: Array, interval: Range, lengths: _Lengths, beside: Array
+    ) -> None:
+        self.lengths, self.beside = lengths, beside
         super().__init__(at, reference, interval)
 
     def condition(self, point: Point, q: float) -> float:
-        """The parameter's component of the unit tangent, in its length."""
-        return point.tangent_parameter / self.lengths.parameter
+        """σ, of a null vector of unit length."""
+        return point.tangent_parameter
 
-    def on(self, reference: Array) -> Self:
-        """The same system with another border."""
-        return type(self)(self.at, reference, self.interval, self.lengths)
+    def on(self, reference: Array, beside: Array | None = None, lengths: _Lengths | None = None) -> Self:
+        """The same system with other borders, or in other lengths."""
+        beside = self.beside if beside is None else beside
+        return type(self)(self.at, reference, self.interval, lengths or self.lengths, beside)
 
-    def measured(self, lengths: _Lengths) -> Self:
-        """The same system in other lengths."""
-        return type(self)(self.at, self.reference, self.interval, lengths)
+    def column(self, at: Linearisation) -> Array:
+        """The border b."""
+        return self.beside
+
+    def nearest(self, z: Array, q: float) -> Point:
+        """The state itself: σ is known next to solutions, too."""
+        return self.own(z, q).point
+
+    def left(self, z: Array, q: float) -> Array:
+        """ψ."""
+        transposed = self.own(z, q).bordered.solve_transposed(np.zeros(z.size - 1), 1.0)
+        return self.beside if transposed is None else transposed[0]
+
+    def jacobian(self, x: Array, p: float) -> Any:
+        """Derivative of (F, σ) with respect to (x, p)."""
+        at, turn = self.own(x, p).linear, self.turn(x, p)
+        return bordered_matrix(at.jacobian, at.parameter_derivative, turn[:-1], turn[-1])
+
+    def turn(self, x: Array, p: float) -> Array:
+        """Derivative of σ with respect to (x, p), −ψᵀ d(F_x) φ; along φ it is the curvature."""
+        point, left, here = self.own(x, p).point, self.left(x, p), self.at(p)
+
+        def rows(s: float) -> Array:
+            there = linearise(here, point.x + s * point.tangent_x, point.parameter)
+            return np.append(as_matrix(there.jacobian).T @ left, left @ there.parameter_derivative)
+
+        return -np.asarray(self.difference(rows, self.length(x, point) * ROUNDING ** (1 / 3), -math.inf, math.inf))
+
+    def parameter_derivative(self, x: Array, p: float) -> Array:
+        """Derivative of (F, σ) with respect to q."""
+        point, left = self.own(x, p).point, self.left(x, p)
+
+        def both(s: float) -> Array:
+            there = linearise(self.at(p + s), point.x, point.parameter)
+            return np.append(there.residual, -float(left @ (as_matrix(there.jacobian) @ point.tangent_x)))
+
+        return np.asarray(self.rate_by_q(both, p))
+
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """Borders close to the null vectors, where the present ones no longer are."""
+        offer, left = super().adapt(x, p), self.left(x, p)
+        if offer is None and self.aligned * np.linalg.norm(left) * np.linalg.norm(self.beside) < 1.0:
+            return None
+        reference = np.append(self.nearest(x, p).tangent_x, 0.0)
+        return Adaptation(self.on(reference, left / float(left @ left)), x, lambda vector: vector)
 
     def length(self, z: Array, point: Point) -> float:
         """The length over which F bends, or rounding allows."""
@@ -192,3 +249,15 @@ def _lengths(fold: Fold, move: Array) -> _Lengths:
 def _mean(x: Array) -> float:
     """The root mean square."""
     return math.sqrt(float(x @ x) / x.size)
+
+
+class _CuspEvent(Event):
+    """Where the curvature of the curve of solutions at its fold passes zero; q may turn at other points, too."""
+
+    name = "cusp"
+
+    def value(self, point: Point) -> float:
+        """ψᵀ F_xx φ φ, but for its sign."""
+        problem: Any = point.problem
+        turn = problem.turn(point.x, point.parameter)
+        return float(turn[:-1] @ problem.nearest(point.x, point.parameter).tangent_x)

@@ -9,7 +9,7 @@ import pytest
 from continuation_problems import Bratu
 from scipy import sparse
 
-from contbranch.continuation import Problem, trace_curve, trace_folds
+from contbranch.continuation import Options, Problem, trace_curve, trace_folds
 
 
 class Sheared(Problem):
@@ -162,6 +162,70 @@ def test_a_fold_that_rests_at_the_origin_is_followed(problem, kind, q):
     assert folds.q[[0, -1]] == pytest.approx([-1.0, 1.0])
     assert np.abs(folds.x).max() < 1e-8
     assert np.abs(folds.parameter).max() < 1e-15
+
+
+class Random(Problem):
+    """tanh(A x) − x + B(x, x)/2 + p c + q (d + L x) with random coefficients, x, p and q in units."""
+
+    def __init__(self, q, units, coefficients):
+        self.q, self.units, self.coefficients = q / units[2], units, coefficients
+
+    def residual(self, x, p):
+        a, b, c, d, e = self.coefficients
+        x = x / self.units[0]
+        return np.tanh(a @ x) - x + 0.5 * (b @ x) @ x + c * p / self.units[1] + self.q * (0.3 * d + e @ x)
+
+    def jacobian(self, x, p):
+        a, b, _, _, e = self.coefficients
+        x = x / self.units[0]
+        slope = (1 - np.tanh(a @ x) ** 2)[:, None] * a - np.eye(x.size) + 0.5 * (b + b.transpose(0, 2, 1)) @ x
+        return (slope + self.q * e) / self.units[0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_folds_are_followed_to_both_ends_in_any_units(seed):
+    """All points solve F = 0, and their Jacobians are singular."""
+    rng = np.random.default_rng(seed)
+    n, units = int(rng.integers(2, 6)), 10.0 ** rng.uniform(-4.0, 4.0, 3)
+    shapes = (n, n), (n, n, n), (n,), (n,), (n, n)
+    coefficients = [size * rng.standard_normal(s) for size, s in zip((0.3, 0.3, 1, 1, 0.1), shapes, strict=True)]
+
+    def family(q):
+        return Random(q, units, coefficients)
+
+    q = 0.2 * units[2]
+    curve = trace_curve(family(q), np.zeros(n), 0.0, (-4.0 * units[1], 4.0 * units[1]), Options(maximum_points=300))
+    for fold in curve.folds[:1]:
+        folds = trace_folds(family, fold, q, (-units[2], 1.5 * units[2]))
+        assert folds.status == "complete"
+        for at, x, p in zip(folds.q, folds.x, folds.parameter, strict=True):
+            assert np.abs(family(at).residual(x, p)).max() < 1e-8
+            sizes = np.linalg.svd(family(at).jacobian(x, p), compute_uv=False)
+            assert sizes[-1] < 1e-7 * sizes[0]
+
+
+class Isola(Problem):
+    """x² + (p − q)² = q − 0.3 + q x: closed curves that shrink to a point, the centre of an isola."""
+
+    def __init__(self, q):
+        self.q = q
+
+    def residual(self, x, p):
+        return x**2 + (p - self.q) ** 2 - self.q + 0.3 - self.q * x
+
+    def jacobian(self, x, p):
+        return np.diag(2 * x - self.q)
+
+
+def test_folds_pass_the_centre_of_an_isola_which_is_no_cusp():
+    """Folds at x = q/2, p = q ± √(q − 0.3 + q²/4) for as long as that is real: both meet at the centre."""
+    curve = trace_curve(Isola(1.0), [0.5], 1.0 - math.sqrt(0.95), (-3.0, 3.0))
+    folds = trace_folds(Isola, curve.folds[0], 1.0, (0.0, 1.5))
+    assert (folds.status, folds.cusps) == ("complete", [])
+    assert folds.q[[0, -1]] == pytest.approx([1.5, 1.5])
+    assert folds.q.min() == pytest.approx(-2 + math.sqrt(5.2), abs=0.01)
+    assert folds.x[:, 0] == pytest.approx(folds.q / 2, abs=1e-8)
+    assert (folds.parameter - folds.q) ** 2 == pytest.approx(folds.q - 0.3 + folds.q**2 / 4, abs=1e-8)
 
 
 class Imperfect(Problem):
