@@ -13,7 +13,8 @@ at fixed q comes from the bordered matrix
 G is taken at the state moved onto the solutions by one Newton step with that matrix, at fixed c·(x, p). Its derivative
 is then a multiple of c^T, and only its rates along the two tangents of the surface of solutions (v, and the change with
 q at fixed c·(x, p)) are needed, which differences give. They enter the rate of convergence and the tangents, not the
-solutions. Where the rate along v vanishes, q turns round: two of these points merge, at a cusp.
+solutions. Where the rate along v vanishes, q turns round: two of these points merge, at a cusp. A condition whose own
+derivatives are known takes them instead (`contbranch.continuation.two_parameters`), another column than F_p, too.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from contbranch.continuation.bordered import Bordered, as_matrix, bordered_matri
 from contbranch.continuation.curve import Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
-from contbranch.continuation.newton import ROUNDING, border, linearise, residual, solve
+from contbranch.continuation.newton import ROUNDING, border, evaluating, linearise, residual, solve
 from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
 
 __all__ = ["Augmented", "Sheet", "Turn"]
@@ -217,9 +218,17 @@ class Augmented(Problem):
         return self.condition(self.sheet(x, p, q).point, q)
 
     def moved(self, z: Array, q: float) -> Array:
-        """Derivative of the solution (x, p) of both equations with respect to q, shape (n + 1,)."""
+        """Derivative of the solution (x, p) of both equations with respect to q, shape (n + 1,).
+
+        Raises
+        ------
+        CorrectionError
+            If it cannot be evaluated.
+        """
         none = np.zeros(z.size)
-        return solve(factorise(self.jacobian(z, q), none, none, 1.0), -self.parameter_derivative(z, q), 0.0, q)[0]
+        with evaluating(q):
+            matrix, rate = self.jacobian(z, q), self.parameter_derivative(z, q)
+            return solve(factorise(matrix, none, none, 1.0), -rate, 0.0, q)[0]
 
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A border close to the tangent, where the present one no longer is."""

@@ -168,7 +168,13 @@ class _Event:
         self.control = None if control is None else control.scaled(contact.scales.stiffness)
 
     def _rates(self, family: Family, interval: Range) -> Array:
-        """Derivatives of the observables by the family's coordinate, (4,)."""
+        """Derivatives of the observables by the family's coordinate, (4,).
+
+        Raises
+        ------
+        CorrectionError
+            If the event cannot be followed.
+        """
         what = Condition(family, self.control, self.event, self.edge)
         system, q = EventProblem.around(what, self.point, interval), family.coordinate(family.start)
         z = system.joined(self.point.x, self.point.parameter)
