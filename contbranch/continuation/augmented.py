@@ -70,13 +70,10 @@ class Augmented(Problem):
 
     Attributes
     ----------
-    order : int
-        Of the differences of the condition, which fixes their steps.
     aligned : float
         Cosine between the border and the tangent below which the tangent becomes the border.
     """
 
-    order: int = 2
     aligned: float = 0.7
 
     def __init__(self, at: Callable[[float], Problem], reference: Array, interval: Range) -> None:
@@ -190,28 +187,23 @@ class Augmented(Problem):
         distance = min(size, -back, forth)
         if not distance > ROUNDING * size:
             distance = size
-        step = (ROUNDING * size * distance**self.order) ** (1 / (self.order + 1))
+        step = (ROUNDING * size * distance**2) ** (1 / 3)
         return self.difference(of, step, back, forth)
 
     def rate_along(self, z: Array, point: Point, q: float) -> float:
         """Rate of the condition along the tangent at fixed q."""
-        length = self.length(z, point) * ROUNDING ** (1 / (self.order + 1))
+        length = self.length(z, point) * ROUNDING ** (1 / 3)
         return float(self.difference(lambda s: self._level(*self.ahead(z, point, s), q), length, *self.room(z, point)))
 
     def difference(self, of: Callable[[float], Any], step: float, low: float, high: float) -> Any:
-        """Derivative at zero of a function that is known between two places, by differences: central if there is room.
+        """Derivative at zero of a function that is known between two places: a central difference, if there is room.
 
         To one side otherwise, of the same order.
         """
-        half = self.order // 2
-        nodes = np.arange(-half, half + 1.0)
-        if nodes[0] * step < low:
-            nodes += half
-        elif nodes[-1] * step > high:
-            nodes -= half
-        weights = np.linalg.solve(np.vander(nodes, increasing=True).T, np.eye(nodes.size)[1])
-        used = np.abs(weights) > ROUNDING
-        return sum(w * of(k * step) for k, w in zip(nodes[used], weights[used], strict=True)) / step
+        if -step >= low and step <= high:
+            return (of(step) - of(-step)) / (2 * step)
+        side = step if -step < low else -step
+        return (4 * of(side) - of(2 * side) - 3 * of(0.0)) / (2 * side)
 
     def _level(self, x: Array, p: float, q: float) -> float:
         """The condition next to a solution; where it is tangent to the surface a step leaves that by its square."""

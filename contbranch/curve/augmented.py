@@ -114,14 +114,12 @@ class EventProblem(Augmented, EquilibriumProblem):
         The family's coordinates between which the event is followed.
     unit : float
         Norm of a typical state: the unit of states in lengths.
-    order : int
-        Of differences.
     """
 
     def __init__(
-        self, what: Condition, base: EquilibriumProblem, reference: Array, interval: Range, unit: float, order: int = 2
+        self, what: Condition, base: EquilibriumProblem, reference: Array, interval: Range, unit: float
     ) -> None:
-        self.what, self.base, self.unit, self.order = what, base, unit, order
+        self.what, self.base, self.unit = what, base, unit
         self.scale, self.work = base.scale, base.work
         family, upright = what.family, abs(reference[-1]) > UPRIGHT * math.sqrt(self.inner(reference, reference))
         if upright:
@@ -140,9 +138,9 @@ class EventProblem(Augmented, EquilibriumProblem):
         unit = max(math.sqrt(base.inner(point.x, point.x)), LEAST_SIZE * base.scale)
         return cls(what, base, tangent_of(point), interval, unit)
 
-    def on(self, reference: Array, base: EquilibriumProblem | None = None, order: int | None = None) -> Self:
+    def on(self, reference: Array, base: EquilibriumProblem | None = None) -> Self:
         """The same event with another border, on another discretisation or representation."""
-        return type(self)(self.what, base or self.base, reference, self.interval, self.unit, order or self.order)
+        return type(self)(self.what, base or self.base, reference, self.interval, self.unit)
 
     def _on(self, base: EquilibriumProblem) -> Self:
         """The same event on another discretisation."""
@@ -269,7 +267,7 @@ class EventProblem(Augmented, EquilibriumProblem):
 
         low, high = _room(float(x[-1]), float(x_rate[-1]), self.edges)
         least, most = _room(p, p_rate, self.parameter_range)
-        step = ROUNDING ** (1 / (self.order + 1))
+        step = ROUNDING ** (1 / 3)
         found = self.difference(values, step, max(low, least), min(high, most))
         radius = self.values(x, p).contact_radius
         found[2] *= 0.5 / radius if radius > 0.0 else 0.0

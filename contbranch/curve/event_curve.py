@@ -347,8 +347,8 @@ class EventCurve:
         if label not in self.meetings and label != "touch":
             return None
         problem = augmented(point)
-        fine = problem.on(tangent_of(problem.held(point)), order=4 if label == "cusp" else 2)
-        found = refine(settled(replace(point, problem=fine)), self.meetings.get(label, Edge()), self.accuracy)
+        upright = problem.on(tangent_of(problem.held(point)))
+        found = refine(settled(replace(point, problem=upright)), self.meetings.get(label, Edge()), self.accuracy)
         if self.touching or label == "touch":
             found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
         row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(found.point.parameter)))

@@ -10,7 +10,6 @@ import pytest
 
 import contbranch as cb
 from contbranch.contact.family import Family, family_of
-from contbranch.continuation.augmented import tangent_of
 from contbranch.continuation.edge import Range
 from contbranch.control import DISPLACEMENT, LOAD
 from contbranch.curve.augmented import Condition, EventProblem
@@ -185,7 +184,6 @@ def augmented(name: str, control: str) -> tuple[EventProblem, np.ndarray]:
     tabor = family_of(CONTACT, "tabor", 1.0)
     condition = Condition(tabor, LOAD if control == "load" else DISPLACEMENT)
     made = EventProblem.around(condition, place, Range(-1.0, 0.5))
-    made = made.on(tangent_of(place), order=4)
     return made, made.joined(place.x, place.parameter)
 
 
