@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from contbranch.continuation.bordered import as_matrix, bordered_matrix, factorise
+from contbranch.continuation.augmented import Augmented
+from contbranch.continuation.bordered import as_matrix, bordered_matrix
 from contbranch.continuation.curve import Curve, Fold, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
 from contbranch.continuation.functions import Function, as_problem
+from contbranch.continuation.newton import ROUNDING, CorrectionError, linearise
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
 from contbranch.continuation.trace import interval_around, trace_curve
 from contbranch.errors import InputError
 
-STEP = float(np.finfo(float).eps ** (1 / 3))
 # Lengths of state and parameter are no smaller than this share of what bending asks for.
-ASIDE = 1e-3
-# A border is replaced when the cosine between it and the null vector it stands for has fallen below this.
-ALIGNED = 0.5
+LEAST_LENGTH = 1e-3
 # Noise of residuals that hold a Jacobian by differences, in units of rounding.
 NOISE = 1e6
 
@@ -97,10 +97,10 @@ def trace_folds(
 ) -> FoldCurve:
     """Follow a fold in a second parameter, through the cusps where it meets another one.
 
-    The unknowns are (x, p), the equations F = 0 and σ = 0 with σ from the bordered system of `locate_fold`; its
+    The unknowns are (x, p), the equations F = 0 and σ = 0 with σ from a bordered system, as in `locate_fold`; its
     derivatives come from the left null vector ψ and differences of the Jacobian along the right one φ,
-    dσ = −ψᵀ dJ φ (A. Griewank and G. W. Reddien, IMA J. Numer. Anal. 3 (1983) 295). A cusp is where ψᵀ F_xx φ φ = 0;
-    both parameters turn there, so the curve passes it smoothly.
+    dσ = −ψᵀ dJ φ (A. Griewank and G. W. Reddien, IMA J. Numer. Anal. 3 (1983) 295). At a cusp both parameters turn, so
+    the curve passes it smoothly.
 
     Parameters
     ----------
@@ -136,16 +136,21 @@ def trace_folds(
     scale = max(1.0, abs(fold.parameter)) * float(np.linalg.norm(at.parameter_derivative)) or 1.0
     if not float(np.linalg.norm(at.residual)) <= 1e-6 * scale:
         raise InputError(f"fold is not on the curve of make_problem({q:g}): give the q that it was found with.")
-    column = at.parameter_derivative / float(at.parameter_derivative @ at.parameter_derivative)
-    row = fold.null_vector / float(fold.null_vector @ fold.null_vector)
-    augmented = _FoldProblem(family, row, column, _Lengths(1.0, 1.0, 1.0, interval_around(q_range, q)))
+    interval, start = interval_around(q_range, q), np.append(fold.x, fold.parameter)
+    width = interval.width if math.isfinite(interval.width) else max(1.0, abs(q))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        augmented.lengths = augmented.measured(fold, q)
+        beside = at.parameter_derivative / float(at.parameter_derivative @ at.parameter_derivative)
+        lengths = _lengths(fold, np.zeros(start.size))
+        folds = _Folds(family, np.append(fold.null_vector, 0.0), interval, lengths, beside)
+        with suppress(CorrectionError):  # the trace meets it, too, and reports it
+            folds = folds.on(folds.reference, lengths=_lengths(fold, width * folds.moved(start, q)))
     options = options or Options(noise=NOISE)
-    options = replace(options, detect_folds=False, detect_branch_points=False)
+    # Where the fold rests, what rounding changes in units of its lengths is to set no scale.
+    floor = max(options.state_floor, ROUNDING**0.5)
+    options = replace(options, state_floor=floor, detect_folds=False, detect_branch_points=False)
     found = trace_curve(
-        augmented,
-        np.append(fold.x, fold.parameter),
+        folds,
+        start,
         q,
         q_range,
         options,
@@ -160,88 +165,86 @@ def trace_folds(
 
 
 class _Lengths(NamedTuple):
-    """Lengths of x (root mean square) and p, that over which F bends, and the range of q."""
+    """Lengths of x (root mean square) and p, and that over which F bends."""
 
     state: float
     parameter: float
     bend: float
-    interval: Range
 
 
-class _Seen(NamedTuple):
-    """The augmented system at one point, with the null vectors φ and ψ, and ψᵀ F_xx φ φ."""
+class _Folds(Augmented):
+    """F(x, p; q) = 0 and σ = 0 for (x, p), with σ and the null vectors from bordered systems
 
-    linearisation: Linearisation
-    right: Array
-    left: Array
-    curvature: float
+        [ F_x  b ] [ φ ]   [ 0 ]                [ F_xᵀ  c ] [ ψ ]   [ 0 ]
+        [ c^T  0 ] [ σ ] = [ 1 ]                [ b^T   0 ] [ σ ] = [ 1 ],
 
+    which are regular where F_p is in the range of F_x, too: at the centres of isolas, and where curves cross.
+    """
 
-class _FoldProblem(Problem):
-    """F(x, p; q) = 0 and σ(x, p; q) = 0 for (x, p), with a border that stays close to the null vectors."""
+    def __init__(
+        self, at: Callable[[float], Problem], reference: Array, interval: Range, lengths: _Lengths, beside: Array
+    ) -> None:
+        self.lengths, self.beside = lengths, beside
+        super().__init__(at, reference, interval)
 
-    def __init__(self, make_problem: Callable[[float], Problem], row: Array, column: Array, lengths: _Lengths) -> None:
-        self.make_problem, self.row, self.column, self.lengths = make_problem, row, column, lengths
-        self._last: tuple[Array, float, _Seen] | None = None
+    def condition(self, point: Point, q: float) -> float:
+        """σ, of a null vector of unit length."""
+        return point.tangent_parameter
 
-    def residual(self, x: Array, p: float) -> Array:
-        """(F, σ), shape (n + 1,)."""
-        return self.linearise(x, p).residual
+    def on(self, reference: Array, beside: Array | None = None, lengths: _Lengths | None = None) -> Self:
+        """The same system with other borders, or in other lengths."""
+        beside = self.beside if beside is None else beside
+        return type(self)(self.at, reference, self.interval, lengths or self.lengths, beside)
 
-    def linearise(self, x: Array, p: float) -> Linearisation:
-        """(F, σ) and its derivatives."""
-        return self.seen(x, p).linearisation
+    def column(self, at: Linearisation) -> Array:
+        """The border b."""
+        return self.beside
+
+    def nearest(self, z: Array, q: float) -> Point:
+        """The state itself: σ is known next to solutions, too."""
+        return self.own(z, q).point
+
+    def left(self, z: Array, q: float) -> Array:
+        """ψ."""
+        transposed = self.own(z, q).bordered.solve_transposed(np.zeros(z.size - 1), 1.0)
+        return self.beside if transposed is None else transposed[0]
 
     def jacobian(self, x: Array, p: float) -> Any:
         """Derivative of (F, σ) with respect to (x, p)."""
-        return self.seen(x, p).linearisation.jacobian
+        at, turn = self.own(x, p).linear, self.turn(x, p)
+        return bordered_matrix(at.jacobian, at.parameter_derivative, turn[:-1], turn[-1])
+
+    def turn(self, x: Array, p: float) -> Array:
+        """Derivative of σ with respect to (x, p), −ψᵀ d(F_x) φ; along φ it is the curvature."""
+        point, left, here = self.own(x, p).point, self.left(x, p), self.at(p)
+
+        def rows(s: float) -> Array:
+            there = linearise(here, point.x + s * point.tangent_x, point.parameter)
+            return np.append(as_matrix(there.jacobian).T @ left, left @ there.parameter_derivative)
+
+        return -np.asarray(self.difference(rows, self.length(x, point) * ROUNDING ** (1 / 3), -math.inf, math.inf))
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
         """Derivative of (F, σ) with respect to q."""
-        return self.seen(x, p).linearisation.parameter_derivative
+        point, left = self.own(x, p).point, self.left(x, p)
 
-    def seen(self, z: Array, q: float) -> _Seen:
-        """Return what there is to know at (x, p; q)."""
-        if self._last is not None and self._last[0] is z and self._last[1] == q:
-            return self._last[2]
-        x, p, problem = z[:-1], float(z[-1]), self.make_problem(q)
-        at = problem.linearise(x, p)
-        bordered = factorise(as_matrix(at.jacobian), self.column, self.row, 0.0)
-        right, sigma = bordered.solve(np.zeros_like(x), 1.0)
-        transposed = bordered.solve_transposed(np.zeros_like(x), 1.0)
-        left = self.column if transposed is None else transposed[0]
+        def both(s: float) -> Array:
+            there = linearise(self.at(p + s), point.x, point.parameter)
+            return np.append(there.residual, -float(left @ (as_matrix(there.jacobian) @ point.tangent_x)))
 
-        def rates(of: list[tuple[float, Linearisation]]) -> list[Array]:
-            """Sums of F, ψᵀJ and ψᵀF_p with weights."""
-            parts = [
-                (
-                    weight * one.residual,
-                    weight * (as_matrix(one.jacobian).T @ left),
-                    weight * (left @ one.parameter_derivative),
-                )
-                for weight, one in of
-            ]
-            return [sum(part[1:], part[0]) for part in zip(*parts, strict=True)]
+        return np.asarray(self.rate_by_q(both, p))
 
-        step = STEP * max(self.lengths.bend, float(np.abs(x).max())) / float(np.abs(right).max())
-        _, bend, slant = rates([(0.5 * s / step, problem.linearise(x + s * step * right, p)) for s in (-1, 1)])
-        interval = self.lengths.interval
-        change = STEP * max(min(1.0, interval.width), abs(q))
-        # Beyond its range a family may not exist: at an edge the difference is one-sided, of the same order.
-        side = 0
-        if interval.low <= q < interval.low + change:
-            side = 1
-        elif interval.high >= q > interval.high - change:
-            side = -1
-        places = ((-3, 0), (4, side), (-1, 2 * side)) if side else ((-1, -1), (1, 1))
-        shares = [0.5 * weight * (side or 1) / change for weight, _ in places]
-        there = [self.make_problem(q + by * change).linearise(x, p) for _, by in places]
-        push, turn, _ = rates(list(zip(shares, there, strict=True)))
-        matrix = bordered_matrix(at.jacobian, at.parameter_derivative, -bend, -float(slant))
-        linearisation = Linearisation(np.append(at.residual, sigma), matrix, np.append(push, -float(turn @ right)))
-        found = _Seen(linearisation, right, left, float(bend @ right))
-        self._last = (z, q, found)
-        return found
+    def adapt(self, x: Array, p: float) -> Adaptation | None:
+        """Borders close to the null vectors, where the present ones no longer are."""
+        offer, left = super().adapt(x, p), self.left(x, p)
+        if offer is None and self.aligned * np.linalg.norm(left) * np.linalg.norm(self.beside) < 1.0:
+            return None
+        reference = np.append(self.nearest(x, p).tangent_x, 0.0)
+        return Adaptation(self.on(reference, left / float(left @ left)), x, lambda vector: vector)
+
+    def length(self, z: Array, point: Point) -> float:
+        """The length over which F bends, or rounding allows."""
+        return max(self.lengths.bend, float(np.abs(point.x).max())) / float(np.abs(point.tangent_x).max())
 
     def inner(self, u: Array, v: Array) -> float:
         """Mean square of x and square of p, in units of their lengths."""
@@ -252,42 +255,22 @@ class _FoldProblem(Problem):
         lengths = self.lengths
         return np.append(u[:-1] / ((u.size - 1) * lengths.state**2), u[-1] / lengths.parameter**2)
 
-    def measured(self, fold: Fold, q: float) -> _Lengths:
-        """Lengths of x and p: their sizes, and how far q moves them; neither is rounding beside the other.
 
-        Where x changes by s next to a fold, p does by curvature s²/2.
-        """
-        move, height = self._moved(fold, q)
-        state, height = _mean(fold.x) + _mean(move), abs(fold.parameter) + height
-        curvature = abs(fold.curvature) if math.isfinite(fold.curvature) else 0.0
-        if curvature == 0.0:
-            return _Lengths(state or 1.0, height or 1.0, 1.0, self.lengths.interval)
-        curvature *= fold.x.size / float(fold.null_vector @ fold.null_vector)
-        bend = math.sqrt(2 * height / curvature)
-        state = max(state, ASIDE * bend)
-        height = max(height, ASIDE * curvature * state**2 / 2)
-        return _Lengths(state or 1.0, height or 1.0, min(1.0, max(bend, state)) or 1.0, self.lengths.interval)
+def _lengths(fold: Fold, move: Array) -> _Lengths:
+    """Lengths of x and p: their sizes, and how far q moves them; neither is rounding beside the other.
 
-    def _moved(self, fold: Fold, q: float) -> tuple[Array, float]:
-        """By how much the fold moves over the range of q, as far as its rate tells."""
-        still, width = np.zeros_like(fold.x), self.lengths.interval.width
-        try:
-            at = self.seen(np.append(fold.x, fold.parameter), q).linearisation
-            border = np.zeros(fold.x.size + 1)
-            move, _ = factorise(at.jacobian, border, border, 1.0).solve(-at.parameter_derivative, 0.0)
-        except Exception:  # of whatever kind, the trace meets it, too, and reports it
-            return still, 0.0
-        move = move * (width if math.isfinite(width) else max(1.0, abs(q)))
-        return (move[:-1], abs(float(move[-1]))) if np.isfinite(move).all() else (still, 0.0)
-
-    def adapt(self, x: Array, p: float) -> Adaptation | None:
-        """Replace borders that have turned away from the null vectors."""
-        seen = self.seen(x, p)
-        pairs = ((seen.right, self.row), (seen.left, self.column))
-        if all(ALIGNED * np.linalg.norm(a) * np.linalg.norm(b) < 1 for a, b in pairs):
-            return None
-        row, column = (a / float(a @ a) for a, _ in pairs)
-        return Adaptation(_FoldProblem(self.make_problem, row, column, self.lengths), x, lambda vector: vector)
+    Where x changes by s next to a fold, p does by curvature s²/2. A state with which p changes by less than its error
+    is zero; a parameter that is less than its error has the length of which that is the rounding.
+    """
+    curvature = abs(fold.curvature) * fold.x.size / float(fold.null_vector @ fold.null_vector)
+    curvature = curvature if math.isfinite(curvature) else 0.0
+    state, height = _mean(fold.x), abs(fold.parameter)
+    state = _mean(move[:-1]) + (state if curvature * state**2 / 2 > fold.error else 0.0)
+    height = abs(float(move[-1])) + (height if height > fold.error else fold.error / (4 * ROUNDING))
+    bend = math.sqrt(2 * height / curvature) if curvature else 0.0
+    state = max(state, LEAST_LENGTH * bend)
+    height = max(height, LEAST_LENGTH * curvature * state**2 / 2)
+    return _Lengths(state or 1.0, height or 1.0, min(1.0, max(bend, state)) or 1.0)
 
 
 def _mean(x: Array) -> float:
@@ -296,11 +279,12 @@ def _mean(x: Array) -> float:
 
 
 class _CuspEvent(Event):
-    """Where the curvature of the curve at its fold passes zero."""
+    """Where the curvature of the curve of solutions at its fold passes zero; q may turn at other points, too."""
 
     name = "cusp"
 
     def value(self, point: Point) -> float:
-        """Return ψᵀ F_xx φ φ."""
+        """ψᵀ F_xx φ φ, but for its sign."""
         problem: Any = point.problem
-        return float(problem.seen(point.x, point.parameter).curvature)
+        turn = problem.turn(point.x, point.parameter)
+        return float(turn[:-1] @ problem.nearest(point.x, point.parameter).tangent_x)

@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.contact.family import Family
-from contbranch.continuation import CorrectionError, End, Event, Options, Outcome, Point, Segment, StopAt, correct
+from contbranch.continuation import CorrectionError, End, Event, Outcome, Point, Segment, StopAt
+from contbranch.continuation.augmented import Turn, tangent_of
 from contbranch.continuation.edge import Range, land
 from contbranch.continuation.follow import follow
-from contbranch.continuation.problem import Array
-from contbranch.continuation.walk import annotated, to_point
-from contbranch.control import DISPLACEMENT, LOAD, Control
-from contbranch.curve.augmented import STEPS, Augmented, Condition, Fold, Held, Locus, Other, augmented, direction
+from contbranch.continuation.walk import annotated
+from contbranch.control import DISPLACEMENT, LOAD
+from contbranch.curve.augmented import STEPS, Condition, EventProblem, augmented
 from contbranch.curve.events import Margin, rates
 from contbranch.curve.outcome import measured
 from contbranch.curve.problem import equilibrium, values_of
@@ -25,27 +24,19 @@ from contbranch.errors import ModelError
 from contbranch.results.followed import FollowedPoint, Special
 from contbranch.watch import INTERRUPTIONS, caught, finishing, over, tell
 
-__all__ = ["EventCurve", "condition_for"]
+__all__ = ["EventCurve"]
 
-# Beside first touch a curve starts at this w (or smaller ones), and one that comes to half of it has come to it.
-BESIDE = (0.06, 0.02, 0.006, 0.002)
-# What is even closer without coming to it is followed in such steps, and to there: onsets become continuous like that.
-CLOSER, CLOSEST = 0.1, 1e-8
+# Beside first touch a curve starts at this w, and one that comes to half of it has come to it. Where first touch is not
+# found from there it is sought from closer places, by this factor, of which the other side is left from so many; what
+# is even closer than the last one without coming to it is followed to there: onsets become continuous like that.
+BESIDE, CLOSER, STARTS, CLOSEST = 0.06, 0.3, 4, 1e-8
 # A curve passes first touch no more often than this.
 PASSAGES = 8
 # Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
 # there. Loads this many times larger count as none, or those below a share of the accuracy.
 TOLERANCE, FAR_TOLERANCE, RESOLVED, NEGLIGIBLE = 3e-7, 1e-9, 60.0, 0.5
-# States are measured in units of the one at the start, or of this share of the interaction's range.
-LEAST_SIZE = 1e-2
 # Discretisations are made anew so often at the start.
 REMESHES = 3
-# Relative to their place in a step, events are located so coarsely while following; they are refined afterwards.
-COARSE = 0.03
-# How far points on the curve are corrected.
-PRECISE = Options(tolerance=1e-12, noise=1e8)
-# What differences leave undecided of a tangent's component.
-TANGENT_NOISE = 2e-10
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
 PAIR = "Two events of this kind merge: the parameter has an extremum along them."
 COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
@@ -56,18 +47,6 @@ CORNER = "Two folds, one with contact and one without, meet at first touch and e
 AT_TOUCH = "The event lies exactly at first touch."
 UNDESCRIBED = "The event has come to the gap at which the table of the law ends."
 ENDED = (Outcome.REACHED_EDGE, Outcome.STARTED_ON_EDGE)
-
-
-class Turn(Event):
-    """The parameter turns round: two events merge."""
-
-    name = "cusp"
-    relative_resolution = COARSE
-    noise = TANGENT_NOISE
-
-    def value(self, point: Point) -> float:
-        """Component of the tangent."""
-        return point.tangent_parameter
 
 
 class Edge(Event):
@@ -111,8 +90,6 @@ class Meeting(Event):
         Of load and displacement, at the parameter's coordinate.
     """
 
-    relative_resolution = COARSE
-
     def __init__(self, name: str, weights: Callable[[float], tuple[float, float]]) -> None:
         self.name, self.weights = name, weights
 
@@ -121,23 +98,14 @@ class Meeting(Event):
         return float(np.dot(self.weights(point.parameter), rates(augmented(point).held(point))))
 
 
-def condition_for(family: Family, place: Point, control: Control | None, event: Event | None) -> Condition:
-    """What makes a place an event: the fold of a control (reduced units), an edge of the parameter, another event."""
-    if event is not None:
-        return Other(event)
-    if control is None or place.parameter in equilibrium(place).parameter_range:
-        return Held(place.parameter, corner=control is not None)
-    return Fold(family, control)
-
-
 @dataclass
 class EventCurve:
     """One event along the parameter of a family.
 
     Attributes
     ----------
-    family : Family
     condition : Condition
+        With the family.
     to : tuple of float
         One value of the parameter, or one on each side of the start.
     accuracy : float
@@ -148,24 +116,24 @@ class EventCurve:
     complete, message : bool, str
     """
 
-    family: Family
     condition: Condition
     to: tuple[float, ...]
     accuracy: float
 
     def __post_init__(self) -> None:
+        self.family = self.condition.family
         self.tolerance = FAR_TOLERANCE if self.family.spacing == "angle" else TOLERANCE
         self.negligible = max(NEGLIGIBLE * self.accuracy, RESOLVED * self.tolerance)
         self.q = self.family.coordinate(self.family.start)
         self.known = {self.q: self.family.start, **{self.family.coordinate(value): value for value in self.to}}
         self.interval = Range(min(self.known), max(self.known))
-        self.touching = isinstance(self.condition, Held)
+        self.touching = self.condition.edge is not None
         meetings = [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
-        if isinstance(self.condition, Fold):
-            meetings = [Meeting("coincidence", self.condition.crossed)]
-        elif isinstance(self.condition, Held) and self.condition.corner:
+        if self.condition.folds:
+            meetings = [Meeting("coincidence", self._crossed)]
+        elif self.condition.control is not None:  # a fold in a corner
             meetings = []
-        self.meetings: dict[str, Event] = {"cusp": Turn(), **{event.name: event for event in meetings}}
+        self.meetings: dict[str, Event] = {event.name: event for event in (Turn(), *meetings)}
         self.rows: list[FollowedPoint] = []
         self.points: list[Point] = []
         self.scale = self.beside = 0.0
@@ -173,6 +141,11 @@ class EventCurve:
         law = self.family.contact.interaction
         # An interaction that begins at a gap is negligible there, and nowhere does its event leave.
         self.begins = law is not None and math.isfinite(law.kink) and not law.evaluate(2.0 * law.kink).pressure
+
+    def _crossed(self, q: float) -> tuple[float, float]:
+        """Weights of the control at a right angle to that of the fold."""
+        first, second = self.condition.weights(q)
+        return -second, first
 
     # -- the curve ----------------------------------------------------------------------------------------------------
     def trace(self, place: Point) -> None:
@@ -205,13 +178,10 @@ class EventCurve:
     def _start(self, place: Point) -> Point:
         """The event on a discretisation as fine as the curve needs, towards larger values of the parameter."""
         base = equilibrium(place)
-        # A state may vanish at the event itself.
-        size = max(math.sqrt(base.inner(place.x, place.x)), LEAST_SIZE * base.scale)
-        locus = Locus(self.family, self.condition, (self.interval.low, self.interval.high), size)
         problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
         own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
-        system = Augmented(locus, equilibrium(own), direction(own))
-        return annotated(_solved(system, system.joined(own.x, own.parameter), self.q), label="start")
+        system = EventProblem.around(self.condition, own, self.interval)
+        return annotated(system.solved(system.joined(own.x, own.parameter), self.q), label="start")
 
     def _resolved(self, point: Point) -> Point:
         """A point on a discretisation as fine as the curve needs."""
@@ -224,17 +194,16 @@ class EventCurve:
 
     def _onward(self, start: Point) -> tuple[list[Point], End]:
         """The curve from a point along its tangent, through first touch as often as it comes there, and how it ends."""
-        points, end = self._piece(start, min(BESIDE[0], abs(float(start.x[-1]))))
+        points, end = self._piece(start, min(BESIDE, abs(float(start.x[-1]))))
         for _ in range(PASSAGES):
             if end.outcome is not Outcome.STOPPED_AT_EVENT or points[-1].label != "touch":
                 break
             try:
                 beyond, end = self._beyond(points)
             except CorrectionError as error:
-                smaller = [beside for beside in (*BESIDE, CLOSER * self.beside) if CLOSEST < beside < self.beside]
-                if not smaller or points[-1].label == "touch":
+                if CLOSER * self.beside < CLOSEST or points[-1].label == "touch":
                     return points, End(error.outcome, f"(Beyond first touch: {error.detail})")
-                beyond, end = self._piece(points[-1], smaller[0])  # it was not so close
+                beyond, end = self._piece(points[-1], CLOSER * self.beside)  # it was not so close
             points += beyond
         return points, end
 
@@ -283,24 +252,24 @@ class EventCurve:
         problem = augmented(last)
         x, p = problem.split(last.x)
         edge = min(problem.base.parameter_range, key=lambda one: abs(one - p))
-        doors = problem.at(last.parameter).across(x, edge)
+        doors = equilibrium(problem.held(last)).across(x, edge)
         if not problem.base.beyond_edge:
             points[-1] = replace(last, label="")
             for door in doors[:1]:
-                other = problem.on(equilibrium(door), direction(door))
-                touch = _solved(other, other.joined(door.x, edge), last.parameter, place=True)
+                other = problem.on(tangent_of(door), equilibrium(door))
+                touch = other.solved(other.joined(door.x, edge), last.parameter, place=True)
                 if not self.interval.contains(touch.parameter):  # it is not so close, and the range ends before
                     raise CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
                 points.append(replace(touch, label="touch"))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
-        for door, beside in itertools.product(doors, BESIDE):
+        for door, beside in itertools.product(doors, [BESIDE * CLOSER**k for k in range(STARTS)]):
             rate = door.tangent_x / door.tangent_parameter
-            other = problem.on(equilibrium(door), np.append(rate, 1.0))
+            other = problem.on(np.append(rate, 1.0), equilibrium(door))
             inward = 1.0 if edge == other.base.parameter_range[0] else -1.0
             w = other.root(edge) + inward * beside
             try:
                 z = np.append(door.x + (other.parameter(w) - edge) * rate, w)
-                start = self._resolved(_solved(other, z, points[-1].parameter, place=True))
+                start = self._resolved(other.solved(z, points[-1].parameter, place=True))
             except CorrectionError as error:
                 failure = error
                 continue
@@ -366,9 +335,9 @@ class EventCurve:
     def _row(self, point: Point, precise: bool = True) -> FollowedPoint:
         """The event at the parameter of a point of the curve, located there on discretisations made for it."""
         held = augmented(point).held(point)
-        if isinstance(self.condition, Held):
-            held = replace(held, parameter=self.condition.parameter)
-        event = self.condition.event(point.parameter)
+        if self.condition.edge is not None:
+            held = replace(held, parameter=self.condition.edge)
+        event = self.condition.at(point.parameter)
         return self._scaled(refine(held, event, self.accuracy) if precise else by_defect(held, event), point)
 
     def _special(self, k: int) -> Special | None:
@@ -378,8 +347,8 @@ class EventCurve:
         if label not in self.meetings and label != "touch":
             return None
         problem = augmented(point)
-        fine = problem.on(problem.base, direction(problem.held(point)), fine=label == "cusp")
-        found = refine(settled(replace(point, problem=fine)), self.meetings.get(label, Edge()), self.accuracy)
+        upright = problem.on(tangent_of(problem.held(point)))
+        found = refine(settled(replace(point, problem=upright)), self.meetings.get(label, Edge()), self.accuracy)
         if self.touching or label == "touch":
             found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
         row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(found.point.parameter)))
@@ -387,7 +356,7 @@ class EventCurve:
 
     def _named(self, label: str, k: int) -> tuple[str, str]:
         """Kind and message of a special point."""
-        fold = isinstance(self.condition, Fold)
+        fold = self.condition.folds
         if label == "cusp":
             return label, CUSP if fold else PAIR
         if label == "coincidence":
@@ -452,21 +421,6 @@ def _as_special(row: FollowedPoint, index: int, kind: str, message: str, control
     return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
 
 
-def _solved(problem: Augmented, z: Array, q: float, place: bool = False) -> Point:
-    """The point of the curve at q; with `place` that with the state's w, for which q is found.
-
-    Raises
-    ------
-    CorrectionError
-        If there is none close by.
-    """
-    row = np.append(np.zeros(z.size - 1), float(place)), float(not place)
-    metric = problem.metric(z)
-    corrected = correct(problem, (z, q), row, metric, PRECISE, precise=True)
-    point = to_point(problem, corrected, metric, sign=False)
-    return replace(point, x=np.append(point.x[:-1], z[-1])) if place else replace(point, parameter=q)
-
-
 def _between(begin: Point, end: Point, q: float) -> Point:
     """The point of the curve at a coordinate between two neighbouring points.
 
@@ -484,4 +438,4 @@ def _between(begin: Point, end: Point, q: float) -> Point:
     x, p = there.split(touch.x)
     z = problem.joined(there.base.carried(x, x, p, problem.base), p)
     share = (q - touch.parameter) / (own.parameter - touch.parameter)
-    return _solved(problem, z + share * (own.x - z), q)
+    return problem.solved(z + share * (own.x - z), q)

@@ -23,10 +23,9 @@ WINDOW = (1e-2, 1e1)
 HIGHEST, SAMPLES, NEAREST, FARTHEST = 1e2, 57, 1e-5, 6.0
 # Samples end where the discretisation is no longer good enough, or Newton's method has failed.
 LOST = 1e-4
-# Close to the event all samples share its discretisation, so that its errors cancel. At a greater distance it need only
-# serve this share of the excess; it is changed when that is so much coarser than the present one serves, or so much
-# finer.
-SHARE, COARSER, POORER, FINEST = 1e-7, 30.0, 100.0, 1e-14
+# Close to the event all samples share its discretisation, so that its errors cancel. At a greater distance that is to
+# serve this share of the excess, or the event's own error; it is made finer where it is so much worse.
+SHARE, POORER = 1e-7, 100.0
 # The error estimate at the event holds within this distance.
 NEARBY = 1e-3
 # Beyond, errors change along the curve: those of rates are larger than those of values by this factor.
@@ -50,7 +49,6 @@ class _Side:
         problem = equilibrium(self.origin)
         edges = [abs(edge - self.origin.parameter) for edge in problem.parameter_range if edge != self.origin.parameter]
         self.room = min(edges)
-        self.tolerance = max(self.left(self.origin), FINEST)
 
     def sample(self, point: Point) -> tuple[float, float, float, float]:
         """Control, order parameter and their rates at a point of the curve."""
@@ -64,20 +62,16 @@ class _Side:
         """The error of a point, relative to its values."""
         return equilibrium(point).defect(point).relative(values_of(point))
 
-    def served(self, point: Point, tolerance: float, known: float) -> tuple[Point, float]:
-        """The point on a discretisation that serves a tolerance, where the present one is far better or worse, and the
-        error that is left; it is not made finer than the event is known, on grids for example."""
+    def served(self, point: Point, tolerance: float) -> tuple[Point, float]:
+        """The point on a finer discretisation where the present one is far worse than a tolerance; the error left."""
         left, problem = self.left(point), equilibrium(point)
-        poor = left > POORER * max(tolerance, known)
-        if not poor and tolerance < COARSER * self.tolerance:
+        if left <= POORER * tolerance:
             return point, left
-        self.tolerance = tolerance
         try:
-            there = settled(moved(point, problem.finer() if poor else problem.coarser(point, tolerance)))
+            there = settled(moved(point, problem.finer()))
         except (CorrectionError, ModelError):
             return point, left
-        found = self.left(there)
-        return (there, found) if found <= (left if poor else tolerance) else (point, left)
+        return min((point, left), (there, self.left(there)), key=lambda one: one[1])
 
 
 def critical_exponent(found: Found, control: Control) -> Exponent | None:
@@ -141,7 +135,8 @@ def _samples(found: Found, control: Control, ahead: Point | None) -> Iterator[tu
     side = _Side(found, control, ahead)
     control0, order0 = control.value(*found.numbers[:2]), found.numbers[2 if side.contact else 3]
     errors = control.value(*found.error[:2]), found.error[2 if side.contact else 3]
-    near, left, relative, direction, travelled = side.origin, side.tolerance, side.tolerance, 0, 0.0
+    near, direction, travelled = side.origin, 0, 0.0
+    left = relative = side.left(near)
     # Towards growing contact, or (without contact) a shrinking gap.
     rates = rates_of(near)
     if (rates.contact_radius if side.contact else -rates.central_gap) < 0:
@@ -164,7 +159,7 @@ def _samples(found: Found, control: Control, ahead: Point | None) -> Iterator[tu
         if step > NEARBY:
             value = side.sample(near)[0]
             size = max(1.0, abs(value))
-            near, left = side.served(near, min(SHARE * abs(value - control0) / size, LOST), errors[0] / size)
+            near, left = side.served(near, max(SHARE * abs(value - control0), errors[0]) / size)
             relative = OF_RATES * left
         if not left < LOST:
             break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Linearisation, Point, Problem
 from contbranch.continuation.deflation import search
-from contbranch.continuation.newton import tangent_at
+from contbranch.continuation.newton import correct_start, tangent_at
 from contbranch.continuation.walk import adapted
 from contbranch.control import Control
 from contbranch.curve.events import Reached
@@ -25,13 +26,8 @@ __all__ = ["HeldProblem", "disconnected"]
 
 # Rows from which the search starts in each representation.
 ROWS = 6
-# States closer than this, relative to max(1, |value|), and this multiple of their errors are one; residuals allowed,
-# relative to the state.
-SAME, APART, RESIDUAL = 1e-5, 3.0, 1e-6
-# Times that a discretisation is made for a state.
-FITS = 3
-# Newton's steps that bring a known state to the search's discretisation, as long as they are shorter than the last.
-STEPS, SHORT = 6, 0.1
+# States closer than this, relative to max(1, |value|), and this multiple of their errors are one.
+SAME, APART = 1e-5, 3.0
 
 
 class HeldProblem(Problem):
@@ -131,12 +127,8 @@ def _starts(points: Sequence[Point], offer: Search) -> Iterator[Array]:
 def _carried(held: HeldProblem, point: Point, target: float) -> Array:
     """A known state on the discretisation of the search."""
     x = _on(held.problem, point)
-    for _ in range(STEPS):
-        residual, jacobian, _ = held.linearise(x, target)
-        step = np.linalg.solve(jacobian, -residual)
-        if not np.isfinite(step).all() or held.inner(step, step) > SHORT:
-            break
-        x = x + step
+    with suppress(CorrectionError):  # next to a fold it may not be found there
+        return correct_start(held, x, target)
     return x
 
 
@@ -147,7 +139,8 @@ def _settled(problem: EquilibriumProblem, x: Array, event: Reached, accuracy: fl
         return None
     try:
         tangent_x, tangent, _ = tangent_at(problem, x[:-1], float(x[-1]))
-        point = _fitted(Point(problem, x[:-1], float(x[-1]), tangent_x, tangent))
+        point = Point(problem, x[:-1], float(x[-1]), tangent_x, tangent)
+        point, _ = adapted(point, problem.metric(point.x), OPTIONS)  # with the fronts that it has, as the curve's rows
         found = refine(point, event, accuracy)
     except (CorrectionError, np.linalg.LinAlgError):
         return None  # an artefact of the coarse discretisation: it does not survive refinement
@@ -155,25 +148,7 @@ def _settled(problem: EquilibriumProblem, x: Array, event: Reached, accuracy: fl
     own = equilibrium(point)
     if found.relative_error() > accuracy or not _admissible(own, point.x, point.parameter):
         return None
-    residual = float(np.abs(own.residual(point.x, point.parameter)).max(initial=0.0))
-    return found if residual < RESIDUAL * max(1.0, float(np.abs(point.x).max(initial=0.0))) else None
-
-
-def _fitted(point: Point) -> Point:
-    """A state on discretisations made for it, as the curve's rows are: with the fronts that it has, ending where the
-    tip does.
-
-    Raises
-    ------
-    CorrectionError
-        If it is not found there.
-    """
-    for _ in range(FITS):
-        before, metric = point, equilibrium(point).metric(point.x)
-        point, _ = adapted(point, metric, OPTIONS)
-        if point is before:
-            break
-    return point
+    return found
 
 
 def _admissible(problem: EquilibriumProblem, x: Array, p: float) -> bool:

@@ -12,7 +12,8 @@ from contbranch.contact.family import Family, Vary, family_of, value_of
 from contbranch.contact.units import Quantity, accuracy_of
 from contbranch.continuation import Point
 from contbranch.control import Control, as_control
-from contbranch.curve.event_curve import EventCurve, condition_for
+from contbranch.curve.augmented import Condition
+from contbranch.curve.event_curve import EventCurve
 from contbranch.curve.outcome import Origin
 from contbranch.curve.problem import EquilibriumProblem, equilibrium
 from contbranch.curve.symmetry import SymmetryEvent
@@ -101,15 +102,17 @@ def followed(event: Event, family: Family, goals: tuple[float, ...], accuracy: f
     """
     began = time.perf_counter()
     origin, place = _origin(event)
-    control, what = None, None
+    control, what, edge = None, None, None
     if event.kind == "fold":
         named = Control("spring", event.stiffness) if event.stiffness is not None else as_control(event.control)
         control = named.scaled(origin.contact.scales.stiffness)
     if event.kind == "symmetry" and origin.raw.mode is not None:
         what = SymmetryEvent(origin.raw.mode, origin.raw.index)
+    elif control is None or place.parameter in equilibrium(place).parameter_range:
+        edge = place.parameter
     work = equilibrium(place).work
     before = work.newton
-    curve = EventCurve(family, condition_for(family, place, control, what), goals, accuracy)
+    curve = EventCurve(Condition(family, control, what, edge), goals, accuracy)
     kept(lambda: curve.trace(place), None)
     columns = {family.name: "value", **{key: key for key in OBSERVABLES}}
     return Followed(

@@ -241,11 +241,6 @@ class EquilibriumProblem(Problem):
     rows_between: ClassVar[bool] = True
 
     @property
-    def given(self) -> bool:
-        """Whether the discretisation is the user's."""
-        return not self.refinable
-
-    @property
     def convex(self) -> bool:
         """Whether the energy is: then there is one equilibrium for each value of a control, and no fold."""
         return False

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation import CorrectionError, Event, Options, Outcome, Point, find_root
+from contbranch.continuation import CorrectionError, Event, Options, Point, find_root
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
@@ -19,7 +18,7 @@ from contbranch.curve.problem import EquilibriumProblem, Four, Rates, equilibriu
 from contbranch.errors import ModelError
 
 __all__ = [
-    "OPTIONS", "Beside", "Found", "at_parameter", "further", "moved", "numbers", "refine", "settled",
+    "OPTIONS", "Found", "at_parameter", "further", "moved", "numbers", "refine", "settled",
     "upright",
 ]  # fmt: skip
 
@@ -44,8 +43,6 @@ UPRIGHT = 0.3
 ITERATIONS, LONGEST = 14, 0.2
 # First secant step, in units of the line; where the curve is not found a longer one is shortened by the second factor.
 FIRST_STEP, RETREAT = 1e-5, 0.2
-# Steps of which the square is rounding, in units of the line, and how many there are to one of these.
-NEXT_TO_NONE, AGAIN = 1e-8, 4
 # An event is located to this share of the accuracy.
 ENOUGH = 1e-4
 
@@ -194,52 +191,6 @@ class _Line:
         own = self.problem.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
         speed = self.speed(point)
         return Rates(*(rate * speed for rate in own))
-
-
-class Beside:
-    """An event of problems that differ a little, from one where it is known.
-
-    Attributes
-    ----------
-    point : Point
-        That event.
-    matrix : Bordered
-        Of the line that all are sought on, as far as it serves.
-
-    Raises
-    ------
-    CorrectionError
-        If the curve cannot be followed there, or its rates rest.
-    """
-
-    def __init__(self, point: Point, event: Event) -> None:
-        self._line = line = _Line(point)
-        self.point, aside = line.at(0.0, point), FIRST_STEP * line.unit
-        change = event.value(line.at(aside, self.point)) - event.value(self.point)
-        if not change or line.matrix is None:
-            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(Nothing tells the event from what is next to it.)")
-        self.matrix, self._steepness = line.matrix, change / aside
-
-    def at(self, point: Point, event: Event) -> Point:
-        """The event next to a point of another problem.
-
-        Raises
-        ------
-        CorrectionError
-            If the curve cannot be followed there.
-        """
-        line, s, step = copy(self._line), 0.0, 0.0
-        line.problem, line.origin = equilibrium(point), point
-        for _ in range(AGAIN):
-            point = line.at(s + step, point, s)
-            s, step = s + step, -event.value(point) / self._steepness
-            if not abs(step) > NEXT_TO_NONE * line.unit:
-                break
-        if not abs(step) < CLOSE * line.unit:
-            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The event was not found next to where it is foretold.)")
-        ahead = step * line.speed(point)
-        x, p = point.x + ahead * point.tangent_x, point.parameter + ahead * point.tangent_parameter
-        return replace(point, x=x, parameter=p)
 
 
 def _carried(place: _Place, problem: EquilibriumProblem, event: Event | None) -> _Place:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,8 +23,6 @@ __all__ = ["CONTROLS", "Crossing", "before", "crossing", "crossings", "pieces_at
 
 # What may be asked for; a contact radius is no control.
 CONTROLS: Mapping[str, Control | None] = {"load": LOAD, "displacement": DISPLACEMENT, "contact_radius": None}
-# Share of a piece to which a crossing is bracketed before it is refined.
-BRACKET = 1e-4
 # The finer discretisation that an energy is compared with has an error of its own; sums of energies round.
 SAFETY, ROUNDING = 3.0, 2.5
 
@@ -109,14 +107,12 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
         own = None if control is None else equilibrium(begin).meeting(begin, end, control, value)
         if own is not None:
             return Crossing(piece, refine(own, event, accuracy))
-        ends = _link(track, piece)
-        # Without a piece in between, the state is next to one of its ends: with the one whose problem has it.
-        nearest = [begin, end.turned()] if ends is None else [between(ends, event, BRACKET)[1]]
+        nearest = [begin, end.turned()]  # where there is no piece in between: with the one whose problem has it
+        with suppress(CorrectionError):  # or neither row's discretisation reaches the other row
+            nearest = nearest if piece in track.gaps else [between(track.link(piece), event)[1]]
         found = _refined(nearest, event, accuracy)
-        if ends is None and piece not in track.gaps:  # of one problem: the better discretisation tells
-            found = [min(found, key=Found.relative_error)]
-        if ends is not None:
-            found += [refine(near, event, accuracy) for near in _beside(track, piece, event, found[0])]
+        if len(nearest) == 1:
+            found += _refined(_beside(track, piece, event, found[0]), event, accuracy)
     except CorrectionError as error:
         name = "contact radius" if control is None else control.kind
         raise ModelError(
@@ -124,14 +120,6 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
             f"ask for a hundredth of the accuracy. {error.detail}"
         ) from error
     return Crossing(piece, _decided(found, event) if len(found) > 1 else found[0])
-
-
-def _link(track: Track, piece: int) -> tuple[Point, Point] | None:
-    """`Track.link`, or None where neither row's discretisation reaches the other row, each a part of the piece."""
-    try:
-        return track.link(piece)
-    except CorrectionError:
-        return None
 
 
 def _refined(nearest: Sequence[Point], event: Reached, accuracy: float) -> list[Found]:
@@ -166,15 +154,7 @@ def _beside(track: Track, piece: int, event: Reached, found: Found) -> list[Poin
     before, here, after = (event.value(track.points[k]) for k in (row - 1, row, row + 1))
     if (here > before) != (after > here):  # a fold: there are two states
         return []
-    missed = abs(here) + abs(event.value(found.point))
-    return [_aside(point, event, way * missed) for point, way in ((track.points[row], -1.0), (track.onward[row], 1.0))]
-
-
-def _aside(point: Point, event: Reached, change: float) -> Point:
-    """Where what is reached has changed by so much: ahead if that is positive."""
-    length = change / (abs(event.rate(rates_of(point))) or math.inf)
-    x, p = point.x + length * point.tangent_x, point.parameter + length * point.tangent_parameter
-    return replace(point, x=x, parameter=p, observables={})
+    return [track.points[row], track.onward[row]]
 
 
 def _meets(found: Found, event: Reached, other: Found) -> bool:
@@ -268,7 +248,7 @@ def energy_at(found: Found) -> tuple[float, float]:
     there = finer.values(fine.x, fine.parameter)
     change = there.energy - here.energy - here.load * (there.displacement - here.displacement)
     # What was given is compared with something coarser, whose error is the larger one.
-    return here.energy, (1.0 if problem.given else SAFETY) * abs(change) + rounding
+    return here.energy, (SAFETY if problem.refinable else 1.0) * abs(change) + rounding
 
 
 def seen(point: Point) -> State:

@@ -26,8 +26,6 @@ from contbranch.watch import tell
 __all__ = ["Breaking", "SymmetryEvent", "critical_eigenvalues", "has_modes", "merged", "symmetry_breaking"]
 
 
-# Share of a piece to which events are located before they are made precise.
-NEAR = 1e-4
 # Where more axisymmetric modes than this are unstable at fixed displacement, changes are counted and not located.
 FEW = 2
 
@@ -91,7 +89,7 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         near = last.modes if last is not None else ()
         counts.append(equilibrium(point).azimuthal(point.x, point.parameter, int(index), request.modes, near))
     # An eigenvalue next to 1 may have passed it on a row's mesh alone.
-    few = (indices <= FEW) | track.problem(0).given
+    few = (indices <= FEW) | (not track.problem(0).refinable)
     few = few[:-1] & few[1:]
     changes = [row for row in _differ(counts) if few[row]]
     for row in sorted({*changes, *(row + 1 for row in changes)}):
@@ -104,11 +102,10 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         if here is None or there is None or not few[row]:
             continue
         passing = _changes(here, there) if track.problem(row).tells_modes else []
-        rest = _at_rest(track, row) if passing else None
         for event in passing:
             tell(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
-                share, start = _between(track, row, rest, event)
+                share, start = between(track.link(row), event)
                 refined = refine(start, event, request.accuracy)
                 kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
                 found.append(_event(refined, row + share, event, kind))
@@ -129,35 +126,6 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
 def _differ(counts: Sequence[Count | None]) -> list[int]:
     """Rows that have other numbers than the next ones."""
     return [row for row, pair in enumerate(pairwise(counts)) if None not in pair and pair[0] != pair[1]]
-
-
-def _at_rest(track: Track, row: int) -> tuple[Point, Point] | None:
-    """The ends of a piece on a discretisation that does not move, which serves all events on it; None without one."""
-    if row in track.gaps:
-        return None
-    begin, end = track.onward.get(row, track.points[row]), track.points[row + 1]
-    problem = equilibrium(begin)
-    if not problem.joins(equilibrium(end)):
-        return None
-    problem, _ = problem.still(begin.x)
-    try:
-        return settled(moved(begin, problem)), settled(moved(end, problem))
-    except CorrectionError:
-        return None
-
-
-def _between(track: Track, row: int, rest: tuple[Point, Point] | None, event: Event) -> tuple[float, Point]:
-    """Where an event vanishes on a piece: what stands still may not foretell a curve with which a discretisation moved.
-
-    Raises
-    ------
-    CorrectionError
-        If the curve cannot be followed there.
-    """
-    try:
-        return between(rest, event, NEAR)
-    except CorrectionError:
-        return between(track.link(row), event, NEAR)
 
 
 def _surely(point: Point, unstable: int, count: Count | None, limit: int) -> Count | None:

@@ -10,8 +10,9 @@ import pytest
 
 import contbranch as cb
 from contbranch.contact.family import Family, family_of
+from contbranch.continuation.edge import Range
 from contbranch.control import DISPLACEMENT, LOAD
-from contbranch.curve.augmented import Augmented, Fold, Locus, Other, direction
+from contbranch.curve.augmented import Condition, EventProblem
 from contbranch.curve.event_curve import EventCurve
 from contbranch.curve.events import Reached
 from contbranch.curve.problem import EquilibriumProblem, Rates, Values, Work, oriented
@@ -123,7 +124,7 @@ def family(start: float) -> Family:
 
 def followed(kind, start: float, p: float, *to: float) -> EventCurve:
     own = family(start)
-    curve = EventCurve(own, Fold(own, LOAD), to, 1e-9)
+    curve = EventCurve(Condition(own, LOAD), to, 1e-9)
     curve.trace(kind(own.contact).at(p))
     return curve
 
@@ -177,13 +178,12 @@ def folds() -> dict[tuple[str | None, str | None], cb.Event]:
     return {(e.name, e.control): e for e in diagram.events if e.kind == "fold"}
 
 
-def augmented(name: str, control: str) -> tuple[Augmented, np.ndarray]:
+def augmented(name: str, control: str) -> tuple[EventProblem, np.ndarray]:
     """The augmented system of a fold in the Tabor coefficient, and the state of the fold."""
     place = folds()[name, control].origin.raw.place
     tabor = family_of(CONTACT, "tabor", 1.0)
-    condition = Fold(tabor, LOAD if control == "load" else DISPLACEMENT)
-    locus = Locus(tabor, condition, (-1.0, 0.0), math.sqrt(place.problem.inner(place.x, place.x)))
-    made = Augmented(locus, place.problem, direction(place), fine=True)
+    condition = Condition(tabor, LOAD if control == "load" else DISPLACEMENT)
+    made = EventProblem.around(condition, place, Range(-1.0, 0.5))
     return made, made.joined(place.x, place.parameter)
 
 
@@ -216,7 +216,7 @@ def test_any_event_of_the_curve_can_be_followed():
     """The states of one displacement, as an event: they are those that `solve` finds."""
     found = folds()["wetting", "load"]
     tabor = family_of(CONTACT, "tabor", 1.0)
-    curve = EventCurve(tabor, Other(Reached(DISPLACEMENT, found.displacement)), (1.8,), 1e-8)
+    curve = EventCurve(Condition(tabor, event=Reached(DISPLACEMENT, found.displacement)), (1.8,), 1e-8)
     curve.trace(found.origin.raw.place)
     assert curve.complete
     (point,) = curve.at(1.8)

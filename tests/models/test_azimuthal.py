@@ -11,7 +11,6 @@ from followed import Followed
 from ring_kernel import Rings, disc_rings, ring_eigenvalues
 
 import contbranch as cb
-from contbranch.curve import symmetry
 from contbranch.errors import InputError
 from contbranch.models.axisymmetric.azimuthal import _largest, counted, eigenvalues, mode_shape, settled, unstable_count
 from contbranch.models.axisymmetric.modal import ModeSpace, inner_mode_pressure
@@ -249,16 +248,6 @@ def test_events_do_not_depend_on_the_trace(cascade):
             assert abs(a - b) <= error + rest
         largest = one.mode_shape.gap[np.argmax(np.abs(one.mode_shape.gap))]
         assert largest == pytest.approx(1.0)
-
-
-def test_events_are_located_on_meshes_that_move_where_none_at_rest_serves(cascade, monkeypatch):
-    """Both say the same: what moves is the mesh, not the contact."""
-    monkeypatch.setattr(symmetry, "_at_rest", lambda track, row: None)
-    moving = Followed(flat(exponent=4.0, reach=0.5).to_reduced(), 1e-6)
-    ours, theirs = broken(cascade.curve.events), broken(moving.curve.events)
-    assert [event.mode for event in ours] == [event.mode for event in theirs]
-    for one, other in zip(ours, theirs, strict=True):
-        assert (np.abs(np.array(one.values) - other.values) <= np.array(one.error) + other.error).all()
 
 
 @pytest.mark.parametrize("number", [1, 5])
