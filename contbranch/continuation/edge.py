@@ -12,7 +12,7 @@ from contbranch.continuation.locate import find_root
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import corrected_point, point_on, roughly, to_point
+from contbranch.continuation.walk import corrected_point, point_on, to_point
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ def closes(segment: Segment, start: Point, options: Options) -> Point | None:
     offset = metric.dot(problem, start.x - x, start.parameter - p, *row)
     x, p = x + offset * row[0], p + offset * row[1]
     try:
-        point, _ = corrected_point(problem, (x, p), row, metric, roughly(options))
+        point, _ = corrected_point(problem, (x, p), row, metric, options)
     except CorrectionError:
         return None
     apart = metric.norm(problem, point.x - start.x, point.parameter - start.parameter)

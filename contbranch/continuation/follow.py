@@ -74,7 +74,8 @@ class _Direction:
     ) -> None:
         self.start, self.interval, self.options, self.events, self.stop = start, interval, options, events, stop
         self.branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
-        self.balance, self.metric = balance, balance.metric(options.weight, options.state_floor)
+        self.balance = balance.sized(size_of(start.problem, start.x), start.parameter)
+        self.metric = self.balance.metric(options.weight, options.state_floor)
         self.recent, self.count, self.reach = [start], 1, math.inf
         self.step = options.first_step * self.metric.norm(start.problem, start.tangent_x, start.tangent_parameter)
 
@@ -170,6 +171,7 @@ class _Direction:
         options, begin, end = self.options, taken.segment.begin, taken.segment.end
         dx, dp = end.x - begin.x, end.parameter - begin.parameter
         self.balance = self.balance.advance(size_of(begin.problem, dx), abs(dp))
+        self.balance = self.balance.sized(size_of(end.problem, end.x), end.parameter)
         self.metric = self.balance.metric(
             options.weight, max(options.state_floor, end.problem.negligible(end.x, end.parameter))
         )

@@ -10,31 +10,34 @@ import numpy as np
 
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, SparseBordered, as_matrix, factorise
 from contbranch.continuation.curve import Outcome
-from contbranch.continuation.metric import Metric
+from contbranch.continuation.metric import ROUNDING, Metric
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction, Linearisation, Problem, size_of
 from contbranch.watch import check
 
-ROUNDING = float(np.finfo(float).eps)
-# A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
+# Largest last correction (in the metric) behind which the Jacobian before it serves for the tangent.
 TANGENT_DISTANCE = 1e-4
 PRECISE_TANGENT_DISTANCE = 1e-10
 # Corrections below this (in the metric) may grow once, and tell nothing of how long a step may be: what is stiff in a
 # prediction makes the first one small and the second, of what is soft, larger; the third is their square.
-SMALL = 1e-3
-# Where a problem multiplies by its Jacobian at little cost, the matrix factorised for a correction of that size serves
-# for a precise point's next ones as long as they contract by this factor, and for the tangent, refined so often.
-CONTRACTS, POLISHINGS = 0.1, 8
-# ... and for those of steps where matrices are this large, and residuals cost little beside them. What a kept one
-# leaves of a residual would count as a discretisation's error: it is to be smaller than otherwise by this factor.
-LARGE, KEPT = 150, 1e-2
+SMALL_CORRECTION = 1e-3
+# A correction that is no smaller than this share of the one before does not contract as Newton's do.
+STALL_RATIO = 0.1
+# Where a product with the Jacobian costs little beside its factorisation, the one of a small correction serves for the
+# next ones as long as they contract by STALL_RATIO, in steps from this size of the system on.
+KEPT_FROM_SIZE = 150
+# What a kept matrix leaves of a residual would count as a discretisation's error: steps aim at this much less.
+KEPT_SHARE = 1e-2
 # Last correction above which the matrix before it does not tell the sign of the determinant behind it: what is soft in
 # other directions than that of the correction, as where a symmetry is about to be lost, changes by many times as much.
-SIGNED = 1e-7
-# Most corrections of a predicted point; what does not contract is given up earlier.
-ITERATIONS = 10
-# ... and of a start.
-START_ITERATIONS = 50
+SIGN_DISTANCE = 1e-7
+# Most corrections of a predicted point, of a start, and of a tangent.
+CORRECTIONS, START_CORRECTIONS, TANGENT_CORRECTIONS = 10, 50, 8
+# A start is a solution if no component of its residual is larger than this multiple of rounding, ...
+START_ROUNDINGS = 4.0
+# ... if Newton's correction is below this share of it, or if rounding hides how to lower the residual and the
+# correction is below this share of the way to it.
+START_TOLERANCE, START_STALL = 1e-10, 1e-6
 
 
 class CorrectionError(Exception):
@@ -48,7 +51,10 @@ class CorrectionError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """A point on the curve with its tangent (not yet of unit length), and what Newton's method said on the way."""
+    """A point on the curve with its tangent (not yet of unit length), and what Newton's method said on the way.
+
+    The uncertainty is a length: Newton's last correction, where the residual is at rounding and it tells nothing.
+    """
 
     x: Array
     parameter: float
@@ -57,6 +63,7 @@ class Corrected:
     bordered: Bordered
     first_correction: float
     contraction: float
+    uncertainty: float = 0.0
 
 
 class evaluating:  # a context, like suppress
@@ -148,66 +155,61 @@ def correct(
     own = problem.in_plane(x, p, row, precise)
     if own is not None:
         return Corrected(*own, Bordered(), 0.0, 0.0)
-    tolerance, noise = options.tolerance, options.noise
-    close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
-    floor = _rounding_floor(problem, x, p, metric)
-    noise *= floor
+    tolerance = max(options.tolerance, metric.rounding)
+    close = max(PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE, metric.rounding)
     first = previous = math.inf
-    contraction = 0.0
-    worst = 0.0
+    contraction = worst = 0.0
     slow = False
-    polishes = (precise or x.size >= LARGE) and _multiplies(problem, bordered)
-    kept = polishes and bordered is not None
-    share = 1.0 if precise else KEPT
+    keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
+    kept = keeps and bordered is not None
+    share = 1.0 if precise else KEPT_SHARE
     trusted = 1.0  # contraction from which on a matrix is kept
-    for iteration in range(1, ITERATIONS + 1):
+    at: Linearisation | None = None
+    for iteration in range(1, CORRECTIONS + 1):
         if kept and bordered is not None:
             left = residual(problem, x, p)
         else:
             at = linearise(problem, x, p)
-            left, bordered = at[0], border(problem, x, p, at, row)
-            polishes = (precise or x.size >= LARGE) and _multiplies(problem, bordered)
+            left, bordered = at.residual, border(problem, x, p, at, row)
+            keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
         dx, dp = solve(bordered, -left, 0.0, p)
         size = metric.norm(problem, dx, dp)
-        grows = iteration == 2 and noise < size < SMALL  # if at all: what is soft, see SMALL
-        rounded = kept and iteration > 1 and size <= _roughness(problem, x, p, metric)
-        # Not taken: it leads away, or from too far.
-        if kept and size > max(min(previous, SMALL), tolerance, floor) and not (grows or rounded):
-            kept, trusted = False, CONTRACTS
+        grows = iteration == 2 and tolerance < size < SMALL_CORRECTION  # if at all: what is soft
+        stalls = iteration > 1 and size > STALL_RATIO * previous
+        rounded = stalls and size > tolerance and is_rounding(left, at or linearise(problem, x, p), x, p, options.noise)
+        if kept and size > max(min(previous, SMALL_CORRECTION), tolerance) and not (grows or rounded):
+            kept, trusted = False, STALL_RATIO  # not taken: it leads away, or from too far
             continue
-        x = x + dx
-        p = p + dp
+        if not rounded:
+            x, p = x + dx, p + dp
         if iteration == 1:
             first = size
-            done = size <= max(tolerance, floor, close * (precise and not kept))  # the next one is about its square
+            done = size <= (close if precise and not kept else tolerance)  # the next one is about its square
         else:
             contraction = size / previous if previous > 0 else 0.0
             # The next correction, by the matrix kept or by its own.
             left_over = contraction * size / share if kept else contraction**2 * size
-            done = rounded or ((kept or size <= max(close, floor)) and left_over <= max(tolerance, floor))
-            # What no longer contracts close to rounding is as good as it gets.
-            if not (done or kept) and contraction > 0.1:
-                done = size <= max(noise, _roughness(problem, x, p, metric))
-            again, slow = slow or size > SMALL, contraction > 0.5 and not kept  # otherwise its own matrix is next
+            done = rounded or ((kept or size <= close) and left_over <= tolerance)
+            again, slow = slow or size > SMALL_CORRECTION, contraction > 0.5 and not kept
             if not done and ((slow and again and iteration > options.patience) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
-            if size > max(SMALL, noise):
+            if size > SMALL_CORRECTION:
                 worst = max(worst, contraction)
         if done:
             if problem.delicate:
                 dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
-                if metric.norm(problem, dx, dp) <= max(size, noise):  # otherwise it leads away
+                if metric.norm(problem, dx, dp) <= max(size, tolerance):  # otherwise it leads away
                     x, p = x + dx, p + dp
-            if options.detect_branch_points and not precise and (kept or size > SIGNED):
+            if options.detect_branch_points and not precise and (kept or size > SIGN_DISTANCE):
                 at = linearise(problem, x, p)
                 bordered, kept = border(problem, x, p, at, row), False
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
             if kept or problem.delicate:
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
-            return Corrected(x, p, u, a, bordered, first, worst)
+            return Corrected(x, p, u, a, bordered, first, worst, size if rounded else 0.0)
         previous = size
-        kept = polishes and size < SMALL and (grows or contraction < (CONTRACTS if kept else trusted))
+        kept = keeps and size < SMALL_CORRECTION and (grows or contraction < (STALL_RATIO if kept else trusted))
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 
@@ -231,7 +233,7 @@ def _refined(
     metric, share = fine
     with evaluating(p):
         product, slope = problem.product(x, p), problem.parameter_derivative(x, p)
-    for _ in range(POLISHINGS):
+    for _ in range(TANGENT_CORRECTIONS):
         du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
         u, a = u + du, a + da
         if metric.norm(problem, du, da) <= share * metric.norm(problem, u, a):
@@ -245,17 +247,15 @@ def _at_fixed_parameter(bordered: Bordered, tangent: Direction, f: Array) -> Arr
     return v - b / tangent[1] * tangent[0]
 
 
-def _rounding_floor(problem: Problem, x: Array, p: float, metric: Metric) -> float:
-    return 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
+def is_rounding(f: Array, at: Linearisation, x: Array, p: float, multiple: float) -> bool:
+    """Whether no component of a residual is larger than a multiple of what rounding of x and p makes of it."""
+    jacobian = at.jacobian if hasattr(at.jacobian, "matvec") else abs(as_matrix(at.jacobian))
+    terms = np.abs(jacobian @ np.abs(x)) + np.abs(at.parameter_derivative * p)
+    return bool(np.all(np.abs(f) <= multiple * ROUNDING * terms))
 
 
-def _roughness(problem: Problem, x: Array, p: float, metric: Metric) -> float:
-    """Rounding as slopes see it."""
-    return _rounding_floor(problem, x * (-1.0) ** np.arange(x.size), p, metric)
-
-
-def correct_start(problem: Problem, x: Array, p: float) -> Array:
-    """Return a solution at fixed p near x by damped Newton iteration.
+def correct_start(problem: Problem, x: Array, p: float) -> tuple[Array, float]:
+    """Return a solution at fixed p near x by damped Newton iteration, and how far the iteration has gone.
 
     Raises
     ------
@@ -263,46 +263,33 @@ def correct_start(problem: Problem, x: Array, p: float) -> Array:
         With the residual that was reached.
     """
     x = np.array(x, dtype=float)
-    row = (np.zeros_like(x), 1.0)
-    previous = math.inf
+    row, travelled = (np.zeros_like(x), 1.0), 0.0
     at = linearise(problem, x, p)
-    for _ in range(START_ITERATIONS):
-        size = float(np.linalg.norm(at[0]))
-        if size == 0.0:
-            return x
+    for _ in range(START_CORRECTIONS):
+        size = float(np.linalg.norm(at.residual))
+        if is_rounding(at.residual, at, x, p, START_ROUNDINGS):
+            return x, travelled
         try:
-            dx, _zero = solve(border(problem, x, p, at, row), -at[0], 0.0, p)
+            dx, _ = solve(border(problem, x, p, at, row), -at.residual, 0.0, p)
         except CorrectionError as error:
-            if size <= _residual_rounding(at, x, p):
-                return x  # a fold
-            detail = f"(The Jacobian at parameter {p:.6g} is singular and the residual's norm {size:.3g}.)"
+            detail = f"({error} The residual's norm at parameter {p:.6g} is {size:.3g}.)"
             raise CorrectionError(Outcome.START_FAILED, detail) from error
         correction = size_of(problem, dx)
-        scale = size_of(problem, x + dx)
-        if correction <= 1e-10 * scale or (correction <= 1e-6 * scale and correction > 0.1 * previous):
-            return x + dx
-        try:
-            x, at = _damped(problem, x, p, dx, size)
-        except CorrectionError:
-            if size <= _residual_rounding(at, x, p):
-                return x
-            raise
-        previous = correction
-    size = float(np.linalg.norm(at[0]))
-    if size <= _residual_rounding(at, x, p) or size == 0.0:
-        return x
-    raise CorrectionError(Outcome.START_FAILED, f"(The residual's norm at parameter {p:.6g} is still {size:.3g}.)")
+        travelled += correction
+        if correction <= START_TOLERANCE * size_of(problem, x + dx):
+            return x + dx, travelled
+        lower = _damped(problem, x, p, dx, size)
+        if lower is None:
+            if correction <= START_STALL * max(size_of(problem, x), travelled):
+                return x, travelled
+            break
+        x, at = lower
+    detail = f"(The residual's norm at parameter {p:.6g} is still {size:.3g}.)"
+    raise CorrectionError(Outcome.START_FAILED, detail)
 
 
-def _residual_rounding(at: Linearisation, x: Array, p: float) -> float:
-    """Size of residuals that are rounding's, of x and p."""
-    jacobian = abs(as_matrix(at.jacobian)) if not hasattr(at.jacobian, "matvec") else at.jacobian
-    terms = jacobian @ np.abs(x) + np.abs(at.parameter_derivative * p)
-    return 1e2 * ROUNDING * float(np.linalg.norm(terms))
-
-
-def _damped(problem: Problem, x: Array, p: float, dx: Array, size: float) -> tuple[Array, Linearisation]:
-    """Take the largest of the steps dx, dx/2, dx/4, ... that lowers the residual's norm."""
+def _damped(problem: Problem, x: Array, p: float, dx: Array, size: float) -> tuple[Array, Linearisation] | None:
+    """Take the largest of the steps dx, dx/2, dx/4, ... that lowers the residual's norm; None if none does."""
     failure: CorrectionError | None = None
     for halvings in range(20):
         trial = x + dx * 0.5**halvings
@@ -311,14 +298,11 @@ def _damped(problem: Problem, x: Array, p: float, dx: Array, size: float) -> tup
         except CorrectionError as error:
             failure = error
             continue
-        # Close to the solution rounding decides which residual is smaller: then any step will do.
-        if np.linalg.norm(at[0]) <= (1 - 0.1 * 0.5**halvings) * size or size < 1e-12:
+        if np.linalg.norm(at.residual) <= (1 - 0.1 * 0.5**halvings) * size:
             return trial, at
     if failure is not None:
         raise failure
-    raise CorrectionError(
-        Outcome.START_FAILED, f"(The residual's norm at parameter {p:.6g} is {size:.3g} and cannot be lowered.)"
-    )
+    return None
 
 
 def tangent_at(problem: Problem, x: Array, p: float) -> tuple[Array, float, Bordered]:
