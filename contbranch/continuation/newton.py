@@ -247,11 +247,15 @@ def _at_fixed_parameter(bordered: Bordered, tangent: Direction, f: Array) -> Arr
     return v - b / tangent[1] * tangent[0]
 
 
+def residual_terms(at: Linearisation, x: Array, p: float) -> Array:
+    """Return |J||x| + |Fp p|, shape (n,): times the unit roundoff, that is what rounding of x and p makes of F."""
+    jacobian = at.jacobian if hasattr(at.jacobian, "matvec") else abs(as_matrix(at.jacobian))
+    return np.asarray(np.abs(jacobian @ np.abs(x)) + np.abs(at.parameter_derivative * p))
+
+
 def is_rounding(f: Array, at: Linearisation, x: Array, p: float, multiple: float) -> bool:
     """Whether no component of a residual is larger than a multiple of what rounding of x and p makes of it."""
-    jacobian = at.jacobian if hasattr(at.jacobian, "matvec") else abs(as_matrix(at.jacobian))
-    terms = np.abs(jacobian @ np.abs(x)) + np.abs(at.parameter_derivative * p)
-    return bool(np.all(np.abs(f) <= multiple * ROUNDING * terms))
+    return bool(np.all(np.abs(f) <= multiple * ROUNDING * residual_terms(at, x, p)))
 
 
 def correct_start(problem: Problem, x: Array, p: float) -> tuple[Array, float]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.branching import branch_points
-from contbranch.continuation.curve import BranchPoint, EventPoint, Fold, IndexChange, Located, Point
+from contbranch.continuation.curve import BranchPoint, Fold, IndexChange, Located, Point
 from contbranch.continuation.events import BEYOND, Bracket, Event, Happening, Probe
 from contbranch.continuation.folds import locate_fold
-from contbranch.continuation.newton import CorrectionError
+from contbranch.continuation.newton import CorrectionError, evaluating
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
@@ -28,6 +28,8 @@ COINCIDENT_ON_CURVE = 1e-2
 LEVEL = 1e-6
 # How often a step is halved to explain a change of the Morse index.
 HALVINGS = 40
+# Share of the way to the next one by which the index of an event is taken beside it: right there it is undecided.
+ASIDE = 1e-3
 
 
 def scan(
@@ -67,8 +69,7 @@ def scan(
         found += [fold for fold in folds if not any(_coincident(segment, fold.event, one) for _, one in branches)]
     for event_function in events:
         found += event_function.happenings(segment, previous, options)
-    found += _unexplained(segment, found, options)
-    return sorted(found, key=lambda happening: happening.theta)
+    return _with_index_changes(segment, sorted(found, key=lambda happening: happening.theta), options)
 
 
 def _folds(segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
@@ -142,73 +143,67 @@ def _fold_on_curve(segment: Segment, theta: float, point: Point) -> Happening:
     return Happening(theta, fold)
 
 
-def _unexplained(segment: Segment, found: list[Happening], options: Options) -> list[Happening]:
-    """Return changes of the Morse index inside the step that the events found so far do not explain.
+def _with_index_changes(segment: Segment, found: list[Happening], options: Options) -> list[Happening]:
+    """Return what was found, in order, with the changes of the Morse index that it does not explain.
 
-    Between two events the index is constant. So it is compared at the ends of every piece between events, close to
-    them; where it differs the piece is halved until the change is located or turns out to be a fold.
+    A fold or a branch point explains what changes at its own place: so the index is compared right behind one and right
+    before the next, on the cubic between them, which is close enough to the curve there.
     """
     begin, end = segment.begin, segment.end
-    if begin.morse_index is None or end.morse_index is None:
-        return []
-    marks = [h.theta for h in found if not isinstance(h.event, EventPoint)]
-    if begin.morse_index == end.morse_index and not marks:
-        return []
-    if len(marks) == 1 and abs(begin.morse_index - end.morse_index) == 1:
-        return []
-
-    def index(theta: float) -> int | None:
-        return annotated(point_on(segment, theta, options)[0]).morse_index
-
-    edges = [0.0, *sorted(marks), 1.0]
-    changes = []
-    for left, right in pairwise(edges):
-        # Right at an event the index is undecided; a small distance from it, it is not.
-        aside = 1e-3 * (right - left)
-        first = begin.morse_index if left == 0.0 else index(left + aside)
-        last = end.morse_index if right == 1.0 else index(right - aside)
-        inside = (left + (aside if left > 0 else 0.0), right - (aside if right < 1 else 0.0))
-        if first is not None and last is not None and first != last:
-            changes += _halve(segment, index, inside, (first, last), options)
-    return changes
+    marks = [h for h in found if isinstance(h.event, (Fold, BranchPoint))]
+    if begin.morse_index is None or end.morse_index is None or (not marks and begin.morse_index == end.morse_index):
+        return found
+    stations = [(0.0, begin), *((h.theta, h.event.point) for h in marks), (1.0, end)]
+    changes, beside = list[Happening](), list[int | None]()
+    for (left, first), (right, last) in pairwise(stations):
+        piece = Segment(first, last, segment.metric)
+        edges = (0.0 if first is begin else ASIDE, 1.0 if last is end else 1.0 - ASIDE)
+        indices = [_index(piece, theta) for theta in edges] if piece.length > 0.0 else [None, None]
+        beside += indices
+        if None not in indices and indices[0] != indices[1]:
+            changes += [replace(h, theta=left + (right - left) * h.theta) for h in _halve(piece, edges, options)]
+    for k, mark in enumerate(marks):
+        if isinstance(mark.event, BranchPoint) and len(mark.event.tangents) != 2:
+            event = replace(mark.event, before=beside[2 * k + 1], after=beside[2 * k + 2])
+            found[found.index(mark)] = replace(mark, event=event)
+    return sorted(found + changes, key=lambda happening: happening.theta)
 
 
-def _halve(
-    segment: Segment,
-    index: Callable[[float], int | None],
-    interval: tuple[float, float],
-    values: tuple[int, int],
-    options: Options,
-) -> list[Happening]:
-    """Locate the changes of the index in an interval by bisection."""
+def _index(piece: Segment, theta: float, options: Options | None = None) -> int | None:
+    """Return the Morse index on the cubic of a piece, or with options on the curve itself; None if it is not known."""
+    if theta in (0.0, 1.0):
+        return (piece.begin if theta == 0.0 else piece.end).morse_index
+    x, p = piece.at(theta)
+    if options is not None:
+        try:
+            point, _ = point_on(piece, theta, options)
+        except CorrectionError:
+            return None
+        x, p = point.x, point.parameter
+    with evaluating(p):
+        return piece.begin.problem.morse_index(x, p)
+
+
+def _halve(piece: Segment, interval: tuple[float, float], options: Options) -> list[Happening]:
+    """Locate the changes of the index between two places of a piece by bisection."""
     left, right = interval
-    first, last = values
+    first, last = (_index(piece, theta, options) for theta in interval)
+    if first is None or last is None or first == last:
+        return []
     for _ in range(HALVINGS):
         middle = (left + right) / 2
-        value = index(middle)
+        value = _index(piece, middle, options)
         if value is None:
             break
         if value not in (first, last):
-            return _halve(segment, index, (left, middle), (first, value), options) + _halve(
-                segment, index, (middle, right), (value, last), options
-            )
-        if value == first:
-            left = middle
-        else:
-            right = middle
-    theta = (left + right) / 2
+            return _halve(piece, (left, middle), options) + _halve(piece, (middle, right), options)
+        left, right = (middle, right) if value == first else (left, middle)
+    theta, width = (left + right) / 2, right - left
     if options.detect_folds:
-        fold = _fold_by_newton(segment, theta, near=1e-3)
+        fold = _fold_by_newton(piece, theta, near=1e-3)
         if fold is not None:
             return [replace(fold, event=replace(fold.event, point=annotated(fold.event.point)))]
-    point = annotated(point_on(segment, theta, options)[0], label="index change")
-    width = right - left
-    change = segment.end.x - segment.begin.x
-    located = IndexChange(
-        point,
-        width * abs(segment.end.parameter - segment.begin.parameter),
-        width * size_of(point.problem, change),
-        before=first,
-        after=last,
-    )
+    state_error = width * size_of(piece.begin.problem, piece.chord[0])
+    point = annotated(point_on(piece, theta, options)[0], label="index change")
+    located = IndexChange(point, width * abs(piece.chord[1]), state_error, before=first, after=last)
     return [Happening(theta, located)]
