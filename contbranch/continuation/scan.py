@@ -18,8 +18,9 @@ from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 
-# A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding.
-VERTICAL = 1e-11
+# A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding; those of a
+# step's ends are known well enough to tell from this one on.
+VERTICAL, NEARLY_VERTICAL = 1e-11, 1e-8
 # An extremum of the parameter closer to a branch point than this share of the step is the branch point itself. On the
 # curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
 COINCIDENT = 1e-6
@@ -74,9 +75,12 @@ def scan(
 
 def _folds(segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
     """Return the folds inside a step."""
+    scale = segment.metric.parameter_scale
     begin, end = segment.begin.tangent_parameter, segment.end.tangent_parameter
-    if max(abs(begin), abs(end)) < VERTICAL * segment.metric.parameter_scale:
-        return []  # the parameter is constant along this part of the curve
+    if max(abs(begin), abs(end)) < NEARLY_VERTICAL * scale:
+        precise = [point_on(segment, theta, options)[0].tangent_parameter for theta in (0.0, 1.0)]
+        if max(map(abs, precise)) < VERTICAL * scale:
+            return []  # the parameter is constant along this part of the curve
     probe = Probe(lambda point: point.tangent_parameter, options, lambda point: point.parameter)
     if begin == 0.0:
         probe.known[segment.begin] = point_on(segment, BEYOND, options)[0].tangent_parameter
