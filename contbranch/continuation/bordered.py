@@ -12,6 +12,7 @@ by elimination of J.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -48,17 +49,23 @@ class Bordered:
         return None
 
 
+def _scale(jacobian: Any, border: Array) -> float:
+    """Return the power of two that makes a border as large as J: pivots are chosen among entries of like size."""
+    sizes = [float(abs(part).max()) if part.size else 0.0 for part in (jacobian, border)]
+    return 2.0 ** round(math.log2(sizes[0] / sizes[1])) if min(sizes) > 0.0 and math.isfinite(max(sizes)) else 1.0
+
+
 class DenseBordered(Bordered):
     """LU factorisation of the whole (n+1) x (n+1) matrix."""
 
     def __init__(self, jacobian: Array, b: Array, c: Array, d: float):
-        n = b.size
+        self._n = n = b.size
+        self._column, self._row = _scale(jacobian, b), _scale(jacobian, c)
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = jacobian
-        matrix[:n, n] = b
-        matrix[n, :n] = c
-        matrix[n, n] = d
-        self._n = n
+        matrix[:n, n] = b * self._column
+        matrix[n, :n] = c * self._row
+        matrix[n, n] = d * self._column * self._row
         # LAPACK stores by columns, arrays are stored by rows: what is factorised is the transposed matrix.
         self._lu, self._pivots, info = dgetrf(matrix.T, overwrite_a=1)
         if info != 0:
@@ -74,11 +81,13 @@ class DenseBordered(Bordered):
 
     def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
-        return self._back_substitute(f, g, 1)
+        u, a = self._back_substitute(f, g * self._row, 1)
+        return u, a * self._column
 
     def solve_transposed(self, f: Array, g: float) -> Direction | None:
         """Return the solution with the transposed matrix."""
-        return self._back_substitute(f, g, 0)
+        u, a = self._back_substitute(f, g * self._column, 0)
+        return u, a * self._row
 
     def determinant_sign(self) -> int | None:
         """Return the sign of the determinant: that of the pivots, times the parity of the exchanges."""
@@ -96,6 +105,8 @@ class SparseBordered(Bordered):
         if not csc.has_canonical_format:
             csc = csc.copy()  # the caller's own stays as it is
             csc.sum_duplicates()
+        self._column, self._row = _scale(csc.data, b), _scale(csc.data, c)
+        b, c, d = b * self._column, c * self._row, d * self._column * self._row
         frame = _frame(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
         self._order = order = frame.order
         data = np.empty(frame.rows.size)
@@ -115,11 +126,13 @@ class SparseBordered(Bordered):
 
     def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
-        return self._back_substitute(f, g, "N")
+        u, a = self._back_substitute(f, g * self._row, "N")
+        return u, a * self._column
 
     def solve_transposed(self, f: Array, g: float) -> Direction | None:
         """Return the solution with the transposed matrix."""
-        return self._back_substitute(f, g, "T")
+        u, a = self._back_substitute(f, g * self._column, "T")
+        return u, a * self._row
 
     def determinant_sign(self) -> int | None:
         """Return the sign of the determinant: that of U's diagonal, times the parity of both permutations."""
