@@ -49,7 +49,7 @@ class Bordered:
         return None
 
 
-def _scale(jacobian: Any, border: Array) -> float:
+def border_scale(jacobian: Any, border: Array) -> float:
     """Return the power of two that makes a border as large as J: pivots are chosen among entries of like size."""
     sizes = [float(abs(part).max()) if part.size else 0.0 for part in (jacobian, border)]
     return 2.0 ** round(math.log2(sizes[0] / sizes[1])) if min(sizes) > 0.0 and math.isfinite(max(sizes)) else 1.0
@@ -60,7 +60,7 @@ class DenseBordered(Bordered):
 
     def __init__(self, jacobian: Array, b: Array, c: Array, d: float):
         self._n = n = b.size
-        self._column, self._row = _scale(jacobian, b), _scale(jacobian, c)
+        self._column, self._row = border_scale(jacobian, b), border_scale(jacobian, c)
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = jacobian
         matrix[:n, n] = b * self._column
@@ -105,7 +105,7 @@ class SparseBordered(Bordered):
         if not csc.has_canonical_format:
             csc = csc.copy()  # the caller's own stays as it is
             csc.sum_duplicates()
-        self._column, self._row = _scale(csc.data, b), _scale(csc.data, c)
+        self._column, self._row = border_scale(csc.data, b), border_scale(csc.data, c)
         b, c, d = b * self._column, c * self._row, d * self._column * self._row
         frame = _frame(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
         self._order = order = frame.order

@@ -9,7 +9,14 @@ from typing import Literal
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, as_matrix, bordered_matrix, factorise
+from contbranch.continuation.bordered import (
+    Bordered,
+    SingularBorderedError,
+    as_matrix,
+    border_scale,
+    bordered_matrix,
+    factorise,
+)
 from contbranch.continuation.curve import BranchPoint, Outcome, Point
 from contbranch.continuation.folds import second_derivative
 from contbranch.continuation.metric import ROUNDING, Metric
@@ -139,7 +146,9 @@ def _singular(segment: Segment, ahead: Bordered) -> list[float]:
     matrix = bordered_matrix(at[1], at[2], *row)
     there, own, other = np.append(*begin), np.append(*metric.row(problem, *end)), np.append(*row)
     both = (there + np.append(*end)) / (1.0 + own @ there)
-    units = np.append(np.full(n, metric.state_scale), metric.parameter_scale)
+    # Of like sizes in the equations: far beyond a run to infinity the parameter's part of the path is none.
+    size = min(metric.parameter_scale, metric.state_scale * border_scale(at.jacobian, at.parameter_derivative))
+    units = np.append(np.full(n, metric.state_scale), size)
 
     def product(v: Array) -> Array:
         image = matrix @ (units * v - (own + other) @ (units * v) * both + 2.0 * (own @ (units * v)) * there)

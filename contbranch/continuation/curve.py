@@ -27,6 +27,7 @@ class Outcome(Enum):
     STOPPED_AT_FOLD = "The number of folds asked for was reached."
     STOPPED_AT_EVENT = "The event asked for was reached."
     STOPPED_BY_PREDICATE = "The stop condition given by the user was met."
+    RUNS_TO_INFINITY = "The state grows without bound, to infinity, at a finite value of the parameter."
     MAXIMUM_POINTS = "The largest number of points allowed was reached before the end of the curve."
     START_FAILED = "No solution was found near the start."
     STEP_TOO_SMALL = "Newton's method failed at the smallest step."
