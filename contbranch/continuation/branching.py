@@ -116,6 +116,10 @@ def branch_points(segment: Segment, ahead: Bordered | None, options: Options) ->
     count = sum(multiplicity for _, _, multiplicity in found)
     if count >= len(places) and count % 2 == crossed:
         return sorted(((theta, event) for theta, event, _ in found), key=lambda one: one[0])
+    if not found and not crossed:  # a small eigenvalue is foretold to vanish by less than its matrix bends in the step
+        point, _ = point_on(segment, float(np.mean(places)), options)
+        if _matrix(point, segment).determinant_sign() == segment.begin.determinant_sign:
+            return []
     if segment.length > UNRESOLVED_LENGTH:
         raise LeapError
     return [_within(segment)] if crossed else []

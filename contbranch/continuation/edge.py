@@ -18,7 +18,7 @@ from contbranch.continuation.walk import corrected_point, point_on, to_point
 
 # Factor by which a state grows, while the parameter is at rest, that runs to infinity; and, where values overflow or
 # Newton's method fails, the factor from which on that is the reason.
-ESCAPE_GROWTH, OVERFLOW_GROWTH = 1e3, 2.0
+ESCAPE_GROWTH, OVERFLOW_GROWTH = 1e2, 2.0
 OVERFLOWS = (Outcome.NOT_FINITE, Outcome.STEP_TOO_SMALL, Outcome.EVALUATION_FAILED, Outcome.MAXIMUM_POINTS)
 
 
@@ -65,7 +65,8 @@ class Escape:
 
     def __init__(self, interval: Range, tolerance: float) -> None:
         self.width, self.tolerance = interval.width, tolerance
-        self.parameter, self.size, self.growth, self.resolution = math.inf, 0.0, 1.0, 0.0
+        self.parameter = self.last = math.inf
+        self.size, self.growth, self.resolution = 0.0, 1.0, 0.0
 
     def passed(self, point: Point, balance: Balance) -> End | None:
         """Take note of a point; return the end of the curve where there is no more to it."""
@@ -75,7 +76,7 @@ class Escape:
             self.resolution = max(self.resolution, 1e2 * ROUNDING * self.width)
         if not abs(point.parameter - self.parameter) <= self.resolution:
             self.parameter, self.size = point.parameter, max(size, balance.state)
-        self.growth = size / self.size
+        self.growth, self.last = size / self.size, point.parameter
         return self._end if self.growth > ESCAPE_GROWTH else None
 
     def explained(self, end: End) -> End:
@@ -84,7 +85,7 @@ class Escape:
 
     @property
     def _end(self) -> End:
-        value = round(self.parameter / self.resolution) * self.resolution
+        value = round(self.last / self.resolution) * self.resolution
         return End(Outcome.RUNS_TO_INFINITY, f"(The parameter approaches {value:.9g}.)")
 
 

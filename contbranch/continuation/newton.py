@@ -323,4 +323,8 @@ def tangent_at(problem: Problem, x: Array, p: float) -> tuple[Array, float, Bord
         u, a = solve(bordered, np.zeros_like(x), 1.0, p)
         size = math.sqrt(max(problem.inner(u, u), 0.0) + a * a)
         row = (problem.dual(u / size), a / size)
+    # A state at rest has a tangent of rounding, which a refinement replaces by other rounding.
+    du, _ = solve(bordered, -(at.jacobian @ u + a * at.parameter_derivative), 0.0, p)
+    if size_of(problem, du) > 0.5 * size_of(problem, u):
+        u = np.zeros_like(x)
     return u / size, a / size, bordered

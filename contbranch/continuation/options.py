@@ -59,7 +59,7 @@ class Options:
     weight: float = 1.0
     state_floor: float = 0.0
     tolerance: float = 1e-10
-    noise: float = 10.0
+    noise: float = 1e3
     patience: int = 0
     maximum_points: int = 10_000
     edge_tolerance: float = 1e-9
