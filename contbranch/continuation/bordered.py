@@ -49,10 +49,21 @@ class Bordered:
         return None
 
 
-def border_scale(jacobian: Any, border: Array) -> float:
-    """Return the power of two that makes a border as large as J: pivots are chosen among entries of like size."""
-    sizes = [float(abs(part).max()) if part.size else 0.0 for part in (jacobian, border)]
-    return 2.0 ** round(math.log2(sizes[0] / sizes[1])) if min(sizes) > 0.0 and math.isfinite(max(sizes)) else 1.0
+def border_scales(jacobian: Any, b: Array, c: Array, d: float) -> tuple[float, float]:
+    """Return the powers of two that make column and row of a border as large as J, or the corner if that is larger.
+
+    Pivots are then chosen among entries of like size.
+    """
+    sizes = [float(abs(part).max()) if part.size else 0.0 for part in (jacobian, b, c)]
+    if not math.isfinite(sum(sizes) + d):
+        return 1.0, 1.0
+    size, *borders, corner = (math.log2(part) if part > 0.0 else None for part in (*sizes, abs(d)))
+    if size is None:
+        return 1.0, 1.0
+    scales = [0.0 if part is None else size - part for part in borders]
+    excess = 0.0 if corner is None else max(sum(scales) + corner - size, 0.0) / 2
+    column, row = (round(min(max(scale - excess, -500.0), 500.0)) for scale in scales)
+    return 2.0**column, 2.0**row
 
 
 class DenseBordered(Bordered):
@@ -60,7 +71,7 @@ class DenseBordered(Bordered):
 
     def __init__(self, jacobian: Array, b: Array, c: Array, d: float):
         self._n = n = b.size
-        self._column, self._row = border_scale(jacobian, b), border_scale(jacobian, c)
+        self._column, self._row = border_scales(jacobian, b, c, d)
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = jacobian
         matrix[:n, n] = b * self._column
@@ -105,7 +116,7 @@ class SparseBordered(Bordered):
         if not csc.has_canonical_format:
             csc = csc.copy()  # the caller's own stays as it is
             csc.sum_duplicates()
-        self._column, self._row = border_scale(csc.data, b), border_scale(csc.data, c)
+        self._column, self._row = border_scales(csc.data, b, c, d)
         b, c, d = b * self._column, c * self._row, d * self._column * self._row
         frame = _frame(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
         self._order = order = frame.order

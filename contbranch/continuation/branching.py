@@ -13,7 +13,6 @@ from contbranch.continuation.bordered import (
     Bordered,
     SingularBorderedError,
     as_matrix,
-    border_scale,
     bordered_matrix,
     factorise,
 )
@@ -151,7 +150,8 @@ def _singular(segment: Segment, ahead: Bordered) -> list[float]:
     there, own, other = np.append(*begin), np.append(*metric.row(problem, *end)), np.append(*row)
     both = (there + np.append(*end)) / (1.0 + own @ there)
     # Of like sizes in the equations: far beyond a run to infinity the parameter's part of the path is none.
-    size = min(metric.parameter_scale, metric.state_scale * border_scale(at.jacobian, at.parameter_derivative))
+    largest = [float(abs(part).max()) for part in (as_matrix(at.jacobian), at.parameter_derivative)]
+    size = min(metric.parameter_scale, metric.state_scale * largest[0] / largest[1] if largest[1] else math.inf)
     units = np.append(np.full(n, metric.state_scale), size)
 
     def product(v: Array) -> Array:
