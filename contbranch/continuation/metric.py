@@ -16,7 +16,7 @@ ROUNDING = float(np.finfo(float).eps)
 MEMORY = 0.9
 # A scale never falls below this share of the whole path, lest a coordinate that has come to rest is blown up.
 FLOOR = 0.01
-# A scale never falls below this multiple of its coordinate's rounding, lest rounding turn the curve.
+# A path shorter than this multiple of its coordinate's rounding sets no scale, lest rounding turn the curve.
 SCALE_IN_ROUNDINGS = 1e6
 
 
@@ -86,11 +86,15 @@ class Balance:
         return cls(state if math.isfinite(state) and state > 0 else size or 1.0, parameter)
 
     def sized(self, state: float, parameter: float) -> Balance:
-        """Return the scales where a state of this size and a parameter have been: none is below their rounding."""
+        """Return the scales where a state of this size and a parameter have been: what is at rest has its size for one.
+
+        At rest is what moves by less than a multiple of its rounding.
+        """
         state, parameter = max(self.state_size, state), max(self.parameter_size, abs(parameter))
         least = SCALE_IN_ROUNDINGS * ROUNDING
-        scales = max(self.state, least * state), max(self.parameter, least * parameter)
-        return replace(self, state=scales[0], parameter=scales[1], state_size=state, parameter_size=parameter)
+        own = self.state if self.state > least * state else state
+        other = self.parameter if self.parameter > least * parameter else parameter
+        return replace(self, state=own, parameter=other, state_size=state, parameter_size=parameter)
 
     def advance(self, state_change: float, parameter_change: float) -> Balance:
         """Return the scales after a step with these changes of state (its norm) and of parameter."""
