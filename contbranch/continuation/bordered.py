@@ -33,6 +33,10 @@ class SingularBorderedError(ArithmeticError):
     """The bordered matrix is singular or holds values that are not finite."""
 
 
+class UnsolvedError(ArithmeticError):
+    """An iteration for a linear system did not converge."""
+
+
 class Bordered:
     """A factorised bordered matrix; this one is that of a problem that solves its systems itself."""
 
@@ -242,7 +246,7 @@ class MatrixFreeBordered(Bordered):
         # GMRES cannot reach rounding by itself: one refinement of the residual does, in few iterations.
         solution = solution + self._gmres(rhs - self._operator @ solution, 1e-4)
         if not np.linalg.norm(self._operator @ solution - rhs) <= 1e-6 * size:
-            raise SingularBorderedError("GMRES did not converge on the bordered system; give a preconditioner.")
+            raise UnsolvedError("GMRES did not converge on the bordered system; give a preconditioner.")
         return solution[: self._n], float(solution[self._n])
 
     def _gmres(self, rhs: Array, tolerance: float) -> Array:

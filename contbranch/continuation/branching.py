@@ -23,6 +23,8 @@ from contbranch.continuation.newton import (
     CORRECTIONS,
     CorrectionError,
     border,
+    differenced,
+    jacobian_rounding,
     linearise,
     residual,
     residual_terms,
@@ -381,7 +383,7 @@ def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
         rate = _derivative(problem, x, p, direction, metric)
         return multiplier + solved(-rate - multiplier * null_vectors[0], 0.0, 0.0)[1]
 
-    if _differenced(problem):
+    if differenced(problem):
         mu_alpha, mu_beta = slope(alpha, mu_alpha), slope(beta, mu_beta)
 
     def bend(direction: Direction) -> float:
@@ -395,12 +397,6 @@ def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
     ab = (bend(both) - aa - scale**2 * bb) / (2 * scale)
     hessian = np.array([[aa, ab], [ab, bb]])
     return _Saddle(back, mu, np.array([mu_alpha, mu_beta]), hessian, alpha, beta, at, matrix)
-
-
-def _differenced(problem: Problem) -> bool:
-    """Whether the problem leaves its Jacobian to differences."""
-    kind = type(problem)
-    return kind.jacobian is Problem.jacobian and kind.linearise is Problem.linearise
 
 
 def _derivative(problem: Problem, x: Array, p: float, along: Direction, metric: Metric) -> Array:
@@ -444,7 +440,7 @@ def _report(
         return None
     along, other = _directions(segment, saddle, form, units, theta)
     point = Point(problem, x, p, along[0], along[1], label="branch point")
-    rough = ROUNDING**0.8 if _differenced(problem) else ROUNDING  # of differences of fourth order
+    rough = ROUNDING**0.8 if differenced(problem) else ROUNDING  # of differences of fourth order
     error = 4 * (abs(float(dp)) + ROUNDING * abs(p) + rough * metric.parameter_scale)
     state_error = 4 * (size_of(problem, dx) + ROUNDING * size_of(problem, x) + rough * metric.state_scale)
     scales = (metric.state_scale, metric.parameter_scale)
@@ -468,7 +464,7 @@ def _type(segment: Segment, saddle: _Saddle, x: Array, p: float) -> Kind:
     step, states = ROUNDING**0.25, np.full(n, metric.state_scale)
     ends = (linearise(problem, point.x, point.parameter) for point in (segment.begin, segment.end))
     rows = sum(residual_terms(at, states, metric.parameter_scale) for at in ends)
-    inexact = 1e2 * (ROUNDING ** (2 / 3) if _differenced(problem) else ROUNDING)
+    inexact = 1e2 * jacobian_rounding(problem)
     error = 4.0 * ROUNDING / step**2 * float(np.abs(psi) @ residual_terms(saddle.at, np.abs(x) + step * np.abs(phi), p))
     error += inexact * float(np.linalg.norm(psi * rows) * np.linalg.norm(d / np.where(rows > 0.0, rows, 1.0)))
     return "pitchfork" if abs(float(psi @ d)) <= CURVATURE_ROUNDINGS * error else "transcritical"

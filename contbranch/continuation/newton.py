@@ -8,7 +8,14 @@ from functools import partial
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, SparseBordered, as_matrix, factorise
+from contbranch.continuation.bordered import (
+    Bordered,
+    SingularBorderedError,
+    SparseBordered,
+    UnsolvedError,
+    as_matrix,
+    factorise,
+)
 from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import ROUNDING, Metric
 from contbranch.continuation.options import Options
@@ -116,7 +123,7 @@ def solve(bordered: Bordered, f: Array, g: float, p: float) -> Direction:
     """Solve a bordered system, or raise CorrectionError if that fails or the solution is not finite."""
     try:
         u, a = bordered.solve(f, g)
-    except SingularBorderedError as error:
+    except (SingularBorderedError, UnsolvedError) as error:
         raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
     _finite(u, p, "Newton's correction", a)
     return u, a
@@ -251,6 +258,17 @@ def residual_terms(at: Linearisation, x: Array, p: float) -> Array:
     """Return |J||x| + |Fp p|, shape (n,): times the unit roundoff, that is what rounding of x and p makes of F."""
     jacobian = at.jacobian if hasattr(at.jacobian, "matvec") else abs(as_matrix(at.jacobian))
     return np.asarray(np.abs(jacobian @ np.abs(x)) + np.abs(at.parameter_derivative * p))
+
+
+def differenced(problem: Problem) -> bool:
+    """Whether the problem leaves its Jacobian to differences."""
+    kind = type(problem)
+    return kind.jacobian is Problem.jacobian and kind.linearise is Problem.linearise
+
+
+def jacobian_rounding(problem: Problem) -> float:
+    """Return the relative rounding of a Jacobian: that of central differences where it is left to them."""
+    return ROUNDING ** (2 / 3) if differenced(problem) else ROUNDING
 
 
 def is_rounding(f: Array, at: Linearisation, x: Array, p: float, multiple: float) -> bool:

@@ -12,7 +12,7 @@ from contbranch.continuation.branching import branch_points
 from contbranch.continuation.curve import BranchPoint, Fold, IndexChange, Located, Point
 from contbranch.continuation.events import BEYOND, Bracket, Event, Happening, Probe
 from contbranch.continuation.folds import locate_fold
-from contbranch.continuation.newton import CorrectionError, evaluating
+from contbranch.continuation.newton import CorrectionError, evaluating, jacobian_rounding
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
@@ -21,6 +21,8 @@ from contbranch.continuation.walk import annotated, point_on
 # A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding; those of a
 # step's ends are known well enough to tell from this one on.
 VERTICAL, NEARLY_VERTICAL = 1e-11, 1e-8
+# Slope of the parameter (in the metric) that is none, in units of the Jacobian's rounding.
+SLOPE_ROUNDINGS = 10.0
 # An extremum of the parameter closer to a branch point than this share of the step is the branch point itself. On the
 # curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
 COINCIDENT = 1e-6
@@ -85,6 +87,10 @@ def _folds(segment: Segment, previous: Segment | None, options: Options) -> list
     if begin == 0.0:
         probe.known[segment.begin] = point_on(segment, BEYOND, options)[0].tangent_parameter
     found = [_fold(bracket, probe) for bracket in probe.brackets(segment, previous)]
+    if len(found) == 2:  # none, where the slope between them is no larger than its error
+        between, _ = point_on(segment, (found[0].theta + found[1].theta) / 2, options)
+        if abs(between.tangent_parameter) <= SLOPE_ROUNDINGS * jacobian_rounding(between.problem) * scale:
+            return []
     return [replace(one, event=replace(one.event, point=annotated(one.event.point))) for one in found]
 
 
