@@ -46,6 +46,10 @@ START_ROUNDINGS = 4.0
 # correction is below this share of the way to it.
 START_TOLERANCE, START_STALL = 1e-10, 1e-6
 
+# Change of a unit tangent by a refinement from which on the equations do not determine it.
+UNDETERMINED_TANGENT = 1e-3
+AT_BIFURCATION = "(The start is a bifurcation: a solution at which several curves cross. Start beside it.)"
+
 
 class CorrectionError(Exception):
     """No corrected point was reached; `outcome` and `detail` say why."""
@@ -302,10 +306,10 @@ def correct_start(problem: Problem, x: Array, p: float) -> tuple[Array, float]:
             return x + dx, travelled
         lower = _damped(problem, x, p, dx, size)
         if lower is None:
-            if correction <= START_STALL * max(size_of(problem, x), travelled):
-                return x, travelled
             break
         x, at = lower
+    if correction <= START_STALL * max(size_of(problem, x), travelled):
+        return x, travelled
     detail = f"(The residual's norm at parameter {p:.6g} is still {size:.3g}.)"
     raise CorrectionError(Outcome.START_FAILED, detail)
 
@@ -337,12 +341,17 @@ def tangent_at(problem: Problem, x: Array, p: float) -> tuple[Array, float, Bord
     arbitrary = np.cos(1.0 + np.arange(x.size) ** 2 % 7919)
     row = (problem.dual(arbitrary), 0.7)
     for _ in range(2):
-        bordered = border(problem, x, p, at, row)
+        try:
+            bordered = border(problem, x, p, at, row)
+        except CorrectionError as error:
+            raise CorrectionError(Outcome.START_FAILED, AT_BIFURCATION) from error
         u, a = solve(bordered, np.zeros_like(x), 1.0, p)
         size = math.sqrt(max(problem.inner(u, u), 0.0) + a * a)
-        row = (problem.dual(u / size), a / size)
-    # A state at rest has a tangent of rounding, which a refinement replaces by other rounding.
-    du, _ = solve(bordered, -(at.jacobian @ u + a * at.parameter_derivative), 0.0, p)
-    if size_of(problem, du) > 0.5 * size_of(problem, u):
+        u, a = u / size, a / size
+        row = (problem.dual(u), a)
+    du, da = solve(bordered, -(at.jacobian @ u + a * at.parameter_derivative), 0.0, p)
+    if math.sqrt(max(problem.inner(du, du), 0.0) + da * da) > UNDETERMINED_TANGENT:
+        raise CorrectionError(Outcome.START_FAILED, AT_BIFURCATION)
+    if size_of(problem, du) > 0.5 * size_of(problem, u):  # rounding, of a state at rest
         u = np.zeros_like(x)
-    return u / size, a / size, bordered
+    return u, a, bordered
