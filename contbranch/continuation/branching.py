@@ -22,6 +22,7 @@ from contbranch.continuation.metric import ROUNDING, Metric
 from contbranch.continuation.newton import (
     CORRECTIONS,
     CorrectionError,
+    Soft,
     border,
     differenced,
     jacobian_rounding,
@@ -54,8 +55,6 @@ SEARCH_RADIUS, SEARCHES, MOST_SEARCHED, SAME_DIRECTION = 1e-3, 15, 3, 0.05
 # Distance from the curve at which the middle of a step's cubic shows a leap to another curve: a share of its length and
 # of the angle (at least this) by which it turns.
 LEAP_DISTANCE, LEAP_ANGLE = 0.02, 0.2
-# ... unless rounding of F, times this, moves it as far.
-LEAP_ROUNDINGS = 10.0
 # Shift off a singular point, as a share of a step: exact zeros have no factors.
 SHIFT = 1e-9
 # Errors of second derivatives in units of rounding.
@@ -135,12 +134,12 @@ def _kinked(segment: Segment, ahead: Bordered) -> bool:
     """
     problem, metric, (x, p) = segment.begin.problem, segment.metric, segment.at(0.5)
     angle = metric.angle(problem, *_tangent(segment.begin, segment), *_tangent(segment.end, segment))
-    off = metric.norm(problem, *solve(ahead, residual(problem, x, p), 0.0, p))
-    if off <= LEAP_DISTANCE * max(angle, LEAP_ANGLE) * segment.length:
+    near = LEAP_DISTANCE * max(angle, LEAP_ANGLE) * segment.length
+    off = solve(ahead, residual(problem, x, p), 0.0, p)
+    if metric.norm(problem, *off) <= near:
         return False
-    # Where the matrix is soft, rounding makes as much of it.
-    rounding = LEAP_ROUNDINGS * ROUNDING * residual_terms(linearise(problem, x, p), x, p)
-    return off > metric.norm(problem, *solve(ahead, rounding * np.cos(np.arange(x.size) ** 2), 0.0, p))
+    soft = Soft(problem, ahead, linearise(problem, x, p), (x, p), metric)
+    return metric.norm(problem, *soft.split(*off)[1]) > near
 
 
 def _singular(segment: Segment, ahead: Bordered) -> list[float]:

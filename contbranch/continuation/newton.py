@@ -38,6 +38,8 @@ KEPT_SHARE = 1e-2
 # Last correction above which the matrix before it does not tell the sign of the determinant behind it: what is soft in
 # other directions than that of the correction, as where a symmetry is about to be lost, changes by many times as much.
 SIGN_DISTANCE = 1e-7
+# Corrections in the softest direction that tell nothing, in units of what rounding of F makes of a point there.
+SOFT_ROUNDINGS = 30.0
 # Most corrections of a predicted point, of a start, and of a tangent.
 CORRECTIONS, START_CORRECTIONS, TANGENT_CORRECTIONS = 10, 50, 8
 # A start is a solution if no component of its residual is larger than this multiple of rounding, ...
@@ -168,7 +170,7 @@ def correct(
         return Corrected(*own, Bordered(), 0.0, 0.0)
     tolerance = max(options.tolerance, metric.rounding)
     close = max(PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE, metric.rounding)
-    first = previous = math.inf
+    first = previous = height = highest = math.inf
     contraction = worst = 0.0
     slow = False
     keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
@@ -176,6 +178,7 @@ def correct(
     share = 1.0 if precise else KEPT_SHARE
     trusted = 1.0  # contraction from which on a matrix is kept
     at: Linearisation | None = None
+    soft: Soft | None = None
     for iteration in range(1, CORRECTIONS + 1):
         if kept and bordered is not None:
             left = residual(problem, x, p)
@@ -184,6 +187,12 @@ def correct(
             left, bordered = at.residual, border(problem, x, p, at, row)
             keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
         dx, dp = solve(bordered, -left, 0.0, p)
+        if at is not None and soft is None:
+            soft = Soft(problem, bordered, at, (x, p), metric)
+        if soft is not None and soft.length > tolerance:
+            multiple, rest = soft.split(dx, dp)
+            if abs(multiple) <= SOFT_ROUNDINGS or metric.norm(problem, *rest) > close:
+                dx, dp = rest
         size = metric.norm(problem, dx, dp)
         grows = iteration == 2 and tolerance < size < SMALL_CORRECTION  # if at all: what is soft
         stalls = iteration > 1 and size > STALL_RATIO * previous
@@ -193,6 +202,7 @@ def correct(
             continue
         if not rounded:
             x, p = x + dx, p + dp
+        height, highest = float(np.abs(left).max()), height
         if iteration == 1:
             first = size
             done = size <= (close if precise and not kept else tolerance)  # the next one is about its square
@@ -201,7 +211,8 @@ def correct(
             # The next correction, by the matrix kept or by its own.
             left_over = contraction * size / share if kept else contraction**2 * size
             done = rounded or ((kept or size <= close) and left_over <= tolerance)
-            again, slow = slow or size > SMALL_CORRECTION, contraction > 0.5 and not kept
+            # Where the matrix is soft, corrections are rounding while the residual falls as it should.
+            again, slow = slow or size > SMALL_CORRECTION, contraction > 0.5 and not kept and height > 0.5 * highest
             if not done and ((slow and again and iteration > options.patience) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
             if size > SMALL_CORRECTION:
@@ -222,6 +233,28 @@ def correct(
         previous = size
         kept = keeps and size < SMALL_CORRECTION and (grows or contraction < (STALL_RATIO if kept else trusted))
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
+
+
+class Soft:
+    """What rounding of F makes of a point: a direction, in which the matrix is softest, and a length.
+
+    A correction along it by no more than a few such lengths tells nothing, and a longer one only where the others have
+    been made.
+    """
+
+    def __init__(
+        self, problem: Problem, bordered: Bordered, at: Linearisation, where: tuple[Array, float], metric: Metric
+    ) -> None:
+        self.problem, self.metric, (x, p) = problem, metric, where
+        rounding = ROUNDING * residual_terms(at, x, p) * np.cos(1.0 + np.arange(x.size) ** 2 % 7919)
+        self.direction = solve(bordered, rounding, 0.0, p)
+        self.length = metric.norm(problem, *self.direction)
+
+    def split(self, u: Array, a: float) -> tuple[float, Direction]:
+        """Return the part of a correction along the direction, in lengths, and the rest of it."""
+        v, b = self.direction
+        multiple = self.metric.dot(self.problem, u, a, v, b) / self.length**2 if self.length > 0.0 else 0.0
+        return multiple, (u - multiple * v, a - multiple * b)
 
 
 def _multiplies(problem: Problem, bordered: Bordered | None) -> bool:
