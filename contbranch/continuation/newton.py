@@ -40,6 +40,8 @@ KEPT_SHARE = 1e-2
 SIGN_DISTANCE = 1e-7
 # Corrections in the softest direction that tell nothing, in units of what rounding of F makes of a point there.
 SOFT_ROUNDINGS = 30.0
+# ... and that is longer than this (in the metric): less does not turn a step.
+SOFT_LENGTH = 1e-8
 # Most corrections of a predicted point, of a start, and of a tangent.
 CORRECTIONS, START_CORRECTIONS, TANGENT_CORRECTIONS = 10, 50, 8
 # A start is a solution if no component of its residual is larger than this multiple of rounding, ...
@@ -189,10 +191,11 @@ def correct(
         dx, dp = solve(bordered, -left, 0.0, p)
         if at is not None and soft is None:
             soft = Soft(problem, bordered, at, (x, p), metric)
-        if soft is not None and soft.length > tolerance:
+        uncertainty = 0.0
+        if soft is not None and soft.length > SOFT_LENGTH:
             multiple, rest = soft.split(dx, dp)
             if abs(multiple) <= SOFT_ROUNDINGS or metric.norm(problem, *rest) > close:
-                dx, dp = rest
+                (dx, dp), uncertainty = rest, soft.length
         size = metric.norm(problem, dx, dp)
         grows = iteration == 2 and tolerance < size < SMALL_CORRECTION  # if at all: what is soft
         stalls = iteration > 1 and size > STALL_RATIO * previous
@@ -229,7 +232,7 @@ def correct(
             if kept or problem.delicate:
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
-            return Corrected(x, p, u, a, bordered, first, worst, size if rounded else 0.0)
+            return Corrected(x, p, u, a, bordered, first, worst, size if rounded else uncertainty)
         previous = size
         kept = keeps and size < SMALL_CORRECTION and (grows or contraction < (STALL_RATIO if kept else trusted))
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
