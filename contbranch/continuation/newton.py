@@ -41,7 +41,7 @@ SIGN_DISTANCE = 1e-7
 # Corrections in the softest direction that tell nothing, in units of what rounding of F makes of a point there.
 SOFT_ROUNDINGS = 30.0
 # ... and that is longer than this (in the metric): less does not turn a step.
-SOFT_LENGTH = 1e-8
+SOFT_LENGTH = 1e-6
 # Most corrections of a predicted point, of a start, and of a tangent.
 CORRECTIONS, START_CORRECTIONS, TANGENT_CORRECTIONS = 10, 50, 8
 # A start is a solution if no component of its residual is larger than this multiple of rounding, ...
