@@ -7,7 +7,6 @@ import pytest
 from continuation_problems import Scalar, pitchfork
 
 from contbranch.continuation import Options, Outcome, Problem, StopAt, switch_branch, trace_curve
-from contbranch.errors import InputError
 
 
 @pytest.mark.parametrize("start", [-1.0, -1.037, -0.77])
@@ -198,7 +197,7 @@ def test_branch_points_that_coincide_are_one():
 
 
 def test_three_branch_points_in_one_place_are_no_simple_one():
-    """The determinant changes its sign there as at a single one; four curves with one cell apart and three with pairs."""
+    """The determinant changes its sign as at a single one; four curves have one cell apart, three have pairs."""
 
     class Cells(Problem):
         """Four cells alike: the mean loses its stability at p = 0, the three differences at p = -1/2."""
