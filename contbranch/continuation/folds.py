@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from contbranch.continuation.curve import Fold, Outcome, Point
-from contbranch.continuation.metric import Metric
-from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
+from contbranch.continuation.metric import ROUNDING, Metric
+from contbranch.continuation.newton import CorrectionError, border, linearise, residual, solve
 from contbranch.continuation.problem import Array, Direction, Problem, size_of
 
 ITERATIONS = 40
