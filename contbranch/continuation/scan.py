@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.branching import branch_points
-from contbranch.continuation.curve import BranchPoint, Fold, IndexChange, Located, Point
+from contbranch.continuation.curve import BranchPoint, Fold, IndexChange, Located
 from contbranch.continuation.events import BEYOND, Bracket, Event, Happening, Probe
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.newton import CorrectionError, evaluating, jacobian_rounding
@@ -23,12 +23,9 @@ from contbranch.continuation.walk import annotated, point_on
 VERTICAL, NEARLY_VERTICAL = 1e-11, 1e-8
 # Slope of the parameter (in the metric) that is none, in units of the Jacobian's rounding.
 SLOPE_ROUNDINGS = 10.0
-# An extremum of the parameter closer to a branch point than this share of the step is the branch point itself. On the
-# curve next to it the matrix is nearly singular, so an extremum found without the bordered system is less certain.
-COINCIDENT = 1e-6
-COINCIDENT_ON_CURVE = 1e-2
-# ... and so is one next to a branch point at which the curve itself has no more than this slope (in the metric).
-LEVEL = 1e-6
+# An extremum of the parameter closer to a branch point than this share of the step is the branch point itself; the
+# second one where the curve itself has no more than this slope (in the metric) at the branch point.
+SAME_POINT, LEVEL_DISTANCE, LEVEL_SLOPE = 1e-6, 1e-2, 1e-6
 # How often a step is halved to explain a change of the Morse index.
 HALVINGS = 40
 # Share of the way to the next one by which the index of an event is taken beside it: right there it is undecided.
@@ -86,7 +83,7 @@ def _folds(segment: Segment, previous: Segment | None, options: Options) -> list
     probe = Probe(lambda point: point.tangent_parameter, options, lambda point: point.parameter)
     if begin == 0.0:
         probe.known[segment.begin] = point_on(segment, BEYOND, options)[0].tangent_parameter
-    found = [_fold(bracket, probe) for bracket in probe.brackets(segment, previous)]
+    found = [fold for bracket in probe.brackets(segment, previous) if (fold := _fold(bracket, probe)) is not None]
     if len(found) == 2:  # none, where the slope between them is no larger than its error
         between, _ = point_on(segment, (found[0].theta + found[1].theta) / 2, options)
         if abs(between.tangent_parameter) <= SLOPE_ROUNDINGS * jacobian_rounding(between.problem) * scale:
@@ -94,24 +91,26 @@ def _folds(segment: Segment, previous: Segment | None, options: Options) -> list
     return [replace(one, event=replace(one.event, point=annotated(one.event.point))) for one in found]
 
 
-def _fold(bracket: Bracket, probe: Probe) -> Happening:
-    """Locate the fold in a bracket by bordered Newton iteration, failing that as a zero of the slope."""
+def _fold(bracket: Bracket, probe: Probe) -> Happening | None:
+    """Locate the fold in a bracket by bordered Newton iteration, started from the slope's zero if need be.
+
+    None where there is none: rounding next to a branch point changes the slope's sign, too.
+    """
     segment, first, last = bracket.segment, bracket.first, bracket.last
     fold = _fold_by_newton(segment, bracket.guess, last[1])
     if fold is None:
-        theta, point = probe.zero(bracket, 1e-15, 0.0)
+        theta, _ = probe.zero(bracket, 1e-15, 0.0)
         near = max(1e-6, 0.1 * (last[0] - first[0]))
-        fold = _fold_by_newton(segment, theta, last[1], near) or _fold_on_curve(segment, theta, point)
-    return replace(fold, theta=bracket.whole(fold.theta))
+        fold = _fold_by_newton(segment, theta, last[1], near)
+    return fold and replace(fold, theta=bracket.whole(fold.theta))
 
 
 def _coincident(segment: Segment, fold: Located, branch: BranchPoint) -> bool:
     """Whether an extremum of the parameter is that of a curve through a pitchfork rather than a fold."""
     metric = segment.metric
     away = metric.norm(segment.begin.problem, fold.x - branch.x, fold.parameter - branch.parameter)
-    level = abs(branch.point.tangent_parameter) < LEVEL * metric.parameter_scale
-    certain = isinstance(fold, Fold) and math.isfinite(fold.curvature) and not level
-    return away < (COINCIDENT if certain else COINCIDENT_ON_CURVE) * segment.length
+    level = abs(branch.point.tangent_parameter) < LEVEL_SLOPE * metric.parameter_scale
+    return away < (LEVEL_DISTANCE if level else SAME_POINT) * segment.length
 
 
 def _fold_by_newton(
@@ -137,20 +136,6 @@ def _fold_by_newton(
     near_x, near_p = segment.at(min(max(theta, 0.0), 1.0))
     away = segment.metric.norm(segment.begin.problem, fold.x - near_x, fold.parameter - near_p)
     return Happening(theta, fold) if away <= 0.2 * segment.length else None
-
-
-def _fold_on_curve(segment: Segment, theta: float, point: Point) -> Happening:
-    """Return a fold as the zero of the slope along the curve, where the bordered system does not converge."""
-    problem = point.problem
-    norm = size_of(problem, point.tangent_x)
-    error = abs(point.tangent_parameter) * segment.length * 1e-6 + 1e-14 * abs(point.parameter)
-    fold = Fold(
-        replace(point, label="fold"),
-        error,
-        1e-8 * segment.length * segment.metric.state_scale,
-        null_vector=point.tangent_x / norm,
-    )
-    return Happening(theta, fold)
 
 
 def _with_index_changes(segment: Segment, found: list[Happening], options: Options) -> list[Happening]:
