@@ -19,7 +19,7 @@ from contbranch.watch import check
 # Longest step, relative to the size of the state or the distance of the known solutions.
 LONGEST_STEP = 0.5
 # Most corrections, and their size at which a solution is found.
-CORRECTIONS, TOLERANCE = 30, 1e-9
+DEFLATED_CORRECTIONS, SOLVED = 30, 1e-9
 
 
 def deflated_newton(
@@ -51,7 +51,7 @@ def deflated_newton(
     """
     x = np.array(start, dtype=float)
     border = np.zeros_like(x)
-    for _ in range(CORRECTIONS):
+    for _ in range(DEFLATED_CORRECTIONS):
         check()
         at = problem.linearise(x, p)
         if not np.isfinite(at.residual).all():
@@ -65,8 +65,8 @@ def deflated_newton(
         if not math.isfinite(length):
             return None
         nearest = min((size_of(problem, x - other) for other in known), default=math.inf)
-        if length < TOLERANCE:
-            return x + step if nearest > 1e3 * TOLERANCE else None
+        if length < SOLVED:
+            return x + step if nearest > 1e3 * SOLVED else None
         factor = _factor(problem, x, step, known)
         own = 1.0 + size_of(problem, x)
         longest = LONGEST_STEP * max(min(nearest, own), 0.1)

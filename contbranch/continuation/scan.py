@@ -20,7 +20,7 @@ from contbranch.continuation.walk import annotated, point_on
 
 # A curve whose unit tangent has a parameter component below this (in the metric) is vertical up to rounding; those of a
 # step's ends are known well enough to tell from this one on.
-VERTICAL, NEARLY_VERTICAL = 1e-11, 1e-8
+VERTICAL, UNSURE_SLOPE = 1e-11, 1e-8
 # Slope of the parameter (in the metric) that is none, in units of the Jacobian's rounding.
 SLOPE_ROUNDINGS = 10.0
 # An extremum of the parameter closer to a branch point than this share of the step is the branch point itself; the
@@ -76,7 +76,7 @@ def _folds(segment: Segment, previous: Segment | None, options: Options) -> list
     """Return the folds inside a step."""
     scale = segment.metric.parameter_scale
     begin, end = segment.begin.tangent_parameter, segment.end.tangent_parameter
-    if max(abs(begin), abs(end)) < NEARLY_VERTICAL * scale:
+    if max(abs(begin), abs(end)) < UNSURE_SLOPE * scale:
         precise = [point_on(segment, theta, options)[0].tangent_parameter for theta in (0.0, 1.0)]
         if max(map(abs, precise)) < VERTICAL * scale:
             return []  # the parameter is constant along this part of the curve
