@@ -32,7 +32,8 @@ from contbranch.continuation.bordered import Bordered, as_matrix, bordered_matri
 from contbranch.continuation.curve import Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
-from contbranch.continuation.newton import ROUNDING, border, evaluating, linearise, residual, solve
+from contbranch.continuation.metric import ROUNDING
+from contbranch.continuation.newton import border, evaluating, linearise, residual, solve
 from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
 
 __all__ = ["Augmented", "Sheet", "Turn"]

@@ -12,6 +12,7 @@ by elimination of J.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -32,6 +33,10 @@ class SingularBorderedError(ArithmeticError):
     """The bordered matrix is singular or holds values that are not finite."""
 
 
+class UnsolvedError(ArithmeticError):
+    """An iteration for a linear system did not converge."""
+
+
 class Bordered:
     """A factorised bordered matrix; this one is that of a problem that solves its systems itself."""
 
@@ -48,17 +53,34 @@ class Bordered:
         return None
 
 
+def border_scales(jacobian: Any, b: Array, c: Array, d: float) -> tuple[float, float]:
+    """Return the powers of two that make column and row of a border as large as J, or the corner if that is larger.
+
+    Pivots are then chosen among entries of like size.
+    """
+    sizes = [float(abs(part).max()) if part.size else 0.0 for part in (jacobian, b, c)]
+    if not math.isfinite(sum(sizes) + d):
+        return 1.0, 1.0
+    size, *borders, corner = (math.log2(part) if part > 0.0 else None for part in (*sizes, abs(d)))
+    if size is None:
+        return 1.0, 1.0
+    scales = [0.0 if part is None else size - part for part in borders]
+    excess = 0.0 if corner is None else max(sum(scales) + corner - size, 0.0) / 2
+    column, row = (round(min(max(scale - excess, -500.0), 500.0)) for scale in scales)
+    return 2.0**column, 2.0**row
+
+
 class DenseBordered(Bordered):
     """LU factorisation of the whole (n+1) x (n+1) matrix."""
 
     def __init__(self, jacobian: Array, b: Array, c: Array, d: float):
-        n = b.size
+        self._n = n = b.size
+        self._column, self._row = border_scales(jacobian, b, c, d)
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = jacobian
-        matrix[:n, n] = b
-        matrix[n, :n] = c
-        matrix[n, n] = d
-        self._n = n
+        matrix[:n, n] = b * self._column
+        matrix[n, :n] = c * self._row
+        matrix[n, n] = d * self._column * self._row
         # LAPACK stores by columns, arrays are stored by rows: what is factorised is the transposed matrix.
         self._lu, self._pivots, info = dgetrf(matrix.T, overwrite_a=1)
         if info != 0:
@@ -74,11 +96,13 @@ class DenseBordered(Bordered):
 
     def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
-        return self._back_substitute(f, g, 1)
+        u, a = self._back_substitute(f, g * self._row, 1)
+        return u, a * self._column
 
     def solve_transposed(self, f: Array, g: float) -> Direction | None:
         """Return the solution with the transposed matrix."""
-        return self._back_substitute(f, g, 0)
+        u, a = self._back_substitute(f, g * self._column, 0)
+        return u, a * self._row
 
     def determinant_sign(self) -> int | None:
         """Return the sign of the determinant: that of the pivots, times the parity of the exchanges."""
@@ -96,6 +120,8 @@ class SparseBordered(Bordered):
         if not csc.has_canonical_format:
             csc = csc.copy()  # the caller's own stays as it is
             csc.sum_duplicates()
+        self._column, self._row = border_scales(csc.data, b, c, d)
+        b, c, d = b * self._column, c * self._row, d * self._column * self._row
         frame = _frame(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
         self._order = order = frame.order
         data = np.empty(frame.rows.size)
@@ -115,11 +141,13 @@ class SparseBordered(Bordered):
 
     def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
-        return self._back_substitute(f, g, "N")
+        u, a = self._back_substitute(f, g * self._row, "N")
+        return u, a * self._column
 
     def solve_transposed(self, f: Array, g: float) -> Direction | None:
         """Return the solution with the transposed matrix."""
-        return self._back_substitute(f, g, "T")
+        u, a = self._back_substitute(f, g * self._column, "T")
+        return u, a * self._row
 
     def determinant_sign(self) -> int | None:
         """Return the sign of the determinant: that of U's diagonal, times the parity of both permutations."""
@@ -218,7 +246,7 @@ class MatrixFreeBordered(Bordered):
         # GMRES cannot reach rounding by itself: one refinement of the residual does, in few iterations.
         solution = solution + self._gmres(rhs - self._operator @ solution, 1e-4)
         if not np.linalg.norm(self._operator @ solution - rhs) <= 1e-6 * size:
-            raise SingularBorderedError("GMRES did not converge on the bordered system; give a preconditioner.")
+            raise UnsolvedError("GMRES did not converge on the bordered system; give a preconditioner.")
         return solution[: self._n], float(solution[self._n])
 
     def _gmres(self, rhs: Array, tolerance: float) -> Array:

@@ -1,4 +1,4 @@
-"""Branch points: where another curve crosses the one that is followed."""
+"""Branch points: where other curves cross the one that is followed."""
 
 from __future__ import annotations
 
@@ -9,54 +9,63 @@ from typing import Literal
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, as_matrix, bordered_matrix, factorise
+from contbranch.continuation.bordered import (
+    Bordered,
+    SingularBorderedError,
+    as_matrix,
+    bordered_matrix,
+    factorise,
+)
 from contbranch.continuation.curve import BranchPoint, Outcome, Point
 from contbranch.continuation.folds import second_derivative
-from contbranch.continuation.metric import Metric
-from contbranch.continuation.newton import ROUNDING, CorrectionError, border, linearise, residual, solve
+from contbranch.continuation.metric import ROUNDING, Metric
+from contbranch.continuation.newton import (
+    CORRECTIONS,
+    CorrectionError,
+    Soft,
+    border,
+    differenced,
+    jacobian_rounding,
+    linearise,
+    residual,
+    residual_terms,
+    solve,
+)
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction, Linearisation, Problem, size_of
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import point_on
+from contbranch.continuation.walk import corrected_point, point_on
 
 # μ at the saddle, as a share of its change over the step. Of a true branch point it is rounding; where it is larger
 # the two curves pass each other, and a step that saw the determinant change sign has leapt from one to the other.
-CONFIRMED = 1e-9
-# A direction whose parameter component (in the metric) is below this is that of an extremum of the parameter.
-FLAT = 1e-4
-# Below this length a change of the determinant's sign is reported as a branch point even if no simple one is found.
-UNRESOLVED = 1e-5
-# Down to this length a branch point that is not found says that the step has leapt; below it, where the matrices at
-# both ends foretell it, that it is no simple one.
-SHORT = 0.02
-# ... and that rounding hides the curve between several.
-HIDDEN = 1e-3
-# Share of what follows by which a matrix is taken beside the place where it is singular.
-SINGULAR = 1e-9
-_FIFTH_ROOT_OF_ROUNDING = ROUNDING**0.2
-# Several branch points are in one place where a solution is larger than at the ends of the step by this factor.
-SEVERAL = 1e2
-# Pieces of a step that are looked into at most: more of them are rounding's.
-PIECES = 300
-# Dimensions of the space in which the largest eigenvalues of a pencil are looked for.
-SPACE = 10
-# A step that has passed to another curve is farther off its own cubic in the middle, as a share of its length and the
-# angle (at least this) by which it turns, or points elsewhere, as a share of that angle, than a curve is.
-SLIGHT, OFF, ASTRAY = 0.2, 0.02, 0.1
-# Share of a step over which F is differenced along its cubic.
-ALONG = 1e-3
-# A branch point this much farther from where it is foretold, relative to the nearer end, may be another step's.
-NEAR = 0.5
-# A piece is divided between two singular places that are farther apart than this share of it, otherwise beside them, by
-# this share of what lies there.
-APART, ASIDE = 0.1, 0.03
+SADDLE_HEIGHT = 1e-9
+# Length of a step below which a change of the determinant's sign is reported as a branch point of unknown curves.
+UNRESOLVED_LENGTH = 1e-5
+# Shares of a step closer than this are one place.
+SAME_PLACE = 1e-6
+# A direction is a null vector where a matrix shrinks it by this factor more than the matrices at the step's ends do.
+NULL_VECTOR_GROWTH = 1e3
+# Dimensions of the space in which the largest eigenvalues of a pencil, or null vectors, are looked for.
+KRYLOV_DIMENSION, MOST_NULL_VECTORS = 10, 6
+# Shares of a step by which matrices are compared on either side of a place where several curves cross.
+BOTH_SIDES = (1e-2, 3e-5)
+# Radius, in the metric, at which curves through a branch point of several are looked for, for this many null vectors at
+# most, and the angle between directions that belong to one curve.
+SEARCH_RADIUS, SEARCHES, MOST_SEARCHED, SAME_DIRECTION = 1e-3, 15, 3, 0.05
+# Distance from the curve at which the middle of a step's cubic shows a leap to another curve: a share of its length and
+# of the angle (at least this) by which it turns.
+LEAP_DISTANCE, LEAP_ANGLE = 0.02, 0.2
+# Shift off a singular point, as a share of a step: exact zeros have no factors.
+SHIFT = 1e-9
+# Errors of second derivatives in units of rounding.
+CURVATURE_ROUNDINGS = 10.0
 
-Kind = Literal["pitchfork", "transcritical", "branch point"]
+Kind = Literal["pitchfork", "transcritical"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Saddle:
-    """State of the iteration: μ with its gradient and Hessian in (α, β), and the directions of α and β."""
+    """State of the iteration: μ with its gradient and Hessian in (α, β), the directions of α and β, the matrix."""
 
     back: Direction
     mu: float
@@ -64,17 +73,18 @@ class _Saddle:
     hessian: Array
     alpha: Direction
     beta: Direction
+    at: Linearisation
+    matrix: Bordered
 
 
 class LeapError(Exception):
-    """The step has leapt from one part of the curve to another: both ends lie on it, but not as neighbours."""
+    """The step has leapt from one part of the curve to another, or holds more than can be told: a shorter one may."""
 
 
 def branch_points(segment: Segment, ahead: Bordered | None, options: Options) -> list[tuple[float, BranchPoint]]:
     """Return the branch points of a step, with their places in it, in order.
 
-    The determinant's sign tells an odd number of them from an even one, and the matrices at both ends how many: where
-    that is not one, the step is divided.
+    The determinant's sign tells an odd number of them from an even one, and the matrices at both ends where they are.
 
     Parameters
     ----------
@@ -88,91 +98,48 @@ def branch_points(segment: Segment, ahead: Bordered | None, options: Options) ->
     Raises
     ------
     LeapError
-        If the step has passed from one curve to another that crosses it or passes by, if the determinant changes sign
-        without a branch point in between, or if there seems no end of them.
-    CorrectionError
-        If the curve cannot be found inside the step.
+        If the step has passed from one curve to another, or if the branch points that the matrices at both ends
+        foretell are not those that are found.
     """
     if segment.begin.determinant_sign is None or segment.end.determinant_sign is None:
         return []
-    if ahead is None:
-        ahead = _matrix(segment.end, segment)
-    if segment.length > UNRESOLVED and _kinked(segment, ahead):
+    crossed = segment.begin.determinant_sign != segment.end.determinant_sign
+    ahead = ahead or _matrix(segment.end, segment)
+    if segment.length > UNRESOLVED_LENGTH and _kinked(segment, ahead):
         raise LeapError
-    found, pieces = list[tuple[float, BranchPoint]](), [(segment, ahead, 0.0, 1.0)]
-    for _ in range(PIECES):
-        if not pieces:
-            return found
-        piece, matrix, offset, share = pieces.pop()
-        if piece is not segment and piece.length > UNRESOLVED and _bent(piece, options):
-            raise LeapError
-        inside, division = _looked_into(piece, matrix, options)
-        found += [(offset + share * theta, one) for theta, one in inside]
-        if division is not None:
-            theta, point, between = division
-            first, last = Segment(piece.begin, point, piece.metric), Segment(point, piece.end, piece.metric)
-            pieces += [
-                (last, matrix, offset + share * theta, share * (1.0 - theta)),
-                (first, between, offset, share * theta),
-            ]
-    raise LeapError
-
-
-def _looked_into(
-    piece: Segment, ahead: Bordered, options: Options
-) -> tuple[list[tuple[float, BranchPoint]], tuple[float, Point, Bordered] | None]:
-    """Return the branch points of a piece of a step, or where to divide it, with the point and the matrix there."""
-    crossed = piece.begin.determinant_sign != piece.end.determinant_sign
-    places = _singular(piece, ahead)
+    places = _singular(segment, ahead)
     if not places and not crossed:
-        return [], None
-    if len(places) <= 1 and crossed:
-        foretold = places[0] if places else 0.5
-        found = locate_branch_point(piece, foretold) or unresolved_branch_point(piece)
-        if found is None and (piece.length > SHORT or not places):
-            raise LeapError
-        near = found is not None and abs(found[0] - foretold) <= NEAR * min(foretold, 1.0 - foretold)
-        if found is not None and (near or piece.length <= UNRESOLVED):
-            return [found], None
-    elif piece.length <= UNRESOLVED:
-        return _coinciding(piece), None
-    theta = _between(places)
-    try:
-        point, _ = point_on(piece, theta, options)
-        bordered = _matrix(point, piece)
-    except CorrectionError:
-        # Next to several that coincide rounding hides the curve.
-        if piece.length > HIDDEN or len(places) <= 1:
-            raise
-        return _coinciding(piece), None
-    return [], (theta, replace(point, determinant_sign=bordered.determinant_sign()), bordered)
+        return []
+    found: list[tuple[float, BranchPoint, int]] = []
+    for place in places or [0.5]:
+        one = _simple(segment, place) or _multiple(segment, place, options)
+        if one is not None and all(abs(one[0] - theta) > SAME_PLACE for theta, _, _ in found):
+            found.append(one)
+    count = sum(multiplicity for _, _, multiplicity in found)
+    if count >= len(places) and count % 2 == crossed:
+        return sorted(((theta, event) for theta, event, _ in found), key=lambda one: one[0])
+    if not found and not crossed:  # a small eigenvalue is foretold to vanish by less than its matrix bends in the step
+        point, _ = point_on(segment, float(np.mean(places)), options)
+        if _matrix(point, segment).determinant_sign() == segment.begin.determinant_sign:
+            return []
+    if segment.length > UNRESOLVED_LENGTH:
+        raise LeapError
+    return [_within(segment)] if crossed else []
 
 
 def _kinked(segment: Segment, ahead: Bordered) -> bool:
     """Whether a step turns like two curves that cross, from the one to the other, rather than like one.
 
-    What is left of F and of its change along the cubic, in the middle, tells how far off the curve the cubic is there.
+    What is left of F in the middle of the cubic tells how far off the curve it is there.
     """
     problem, metric, (x, p) = segment.begin.problem, segment.metric, segment.at(0.5)
-    begin, end = (_tangent(point, segment) for point in (segment.begin, segment.end))
-    angle = max(metric.angle(problem, *begin, *end), SLIGHT)
-    u, a = segment.direction(0.5)
-    left = residual(problem, x, p)
-    after, before = (residual(problem, x + by * u, p + by * a) for by in (ALONG, -ALONG))
-    off = metric.norm(problem, *solve(ahead, left, 0.0, p))
-    astray = metric.norm(problem, *solve(ahead, (after - before) / (2 * ALONG), 0.0, p))
-    return off > OFF * angle * segment.length or astray > ASTRAY * angle * metric.norm(problem, u, a)
-
-
-def _bent(segment: Segment, options: Options) -> bool:
-    """Whether a piece of a step turns by more than a step may: it has come to another curve in between.
-
-    Where two curves pass each other, what goes straight on from the one to the other has such pieces.
-    """
-    metric, problem = segment.metric, segment.begin.problem
-    chord = metric.unit(problem, *segment.chord)
-    angles = [metric.angle(problem, *_tangent(point, segment), *chord) for point in (segment.begin, segment.end)]
-    return max(angles) > options.angle_limit
+    angle = metric.angle(problem, *_tangent(segment.begin, segment), *_tangent(segment.end, segment))
+    near = LEAP_DISTANCE * max(angle, LEAP_ANGLE) * segment.length
+    off = solve(ahead, residual(problem, x, p), 0.0, p)
+    if metric.norm(problem, *off) <= near:
+        return False
+    soft = Soft(problem, ahead, linearise(problem, x, p), (x, p), metric)
+    return metric.norm(problem, *soft.split(*off)[1]) > near
 
 
 def _singular(segment: Segment, ahead: Bordered) -> list[float]:
@@ -189,7 +156,10 @@ def _singular(segment: Segment, ahead: Bordered) -> list[float]:
     matrix = bordered_matrix(at[1], at[2], *row)
     there, own, other = np.append(*begin), np.append(*metric.row(problem, *end)), np.append(*row)
     both = (there + np.append(*end)) / (1.0 + own @ there)
-    units = np.append(np.full(n, metric.state_scale), metric.parameter_scale)
+    # Of like sizes in the equations: far beyond a run to infinity the parameter's part of the path is none.
+    largest = [float(abs(part).max()) for part in (as_matrix(at.jacobian), at.parameter_derivative)]
+    size = min(metric.parameter_scale, metric.state_scale * largest[0] / largest[1] if largest[1] else math.inf)
+    units = np.append(np.full(n, metric.state_scale), size)
 
     def product(v: Array) -> Array:
         image = matrix @ (units * v - (own + other) @ (units * v) * both + 2.0 * (own @ (units * v)) * there)
@@ -203,7 +173,7 @@ def _singular(segment: Segment, ahead: Bordered) -> list[float]:
 
 def _projected(product: Callable[[Array], Array], size: int) -> Array:
     """Return a matrix with the largest eigenvalues of an operator: its projection on a Krylov space (Arnoldi)."""
-    count = min(size, SPACE)
+    count = min(size, KRYLOV_DIMENSION)
     basis, projected = np.zeros((count + 1, size)), np.zeros((count + 1, count))
     start = np.cos(1.0 + np.arange(size) ** 2 % 7919)
     basis[0] = start / np.linalg.norm(start)
@@ -232,19 +202,8 @@ def _tangent(point: Point, segment: Segment) -> Direction:
     return segment.metric.unit(segment.begin.problem, point.tangent_x, point.tangent_parameter)
 
 
-def _between(places: list[float]) -> float:
-    """Return where to divide a piece: in the widest gap between places on [0, 1], beside them if they coincide."""
-    gaps = np.diff(places)
-    if len(gaps) and gaps.max() > APART:
-        return float(places[int(gaps.argmax())] + gaps.max() / 2)
-    if not places:
-        return 0.5
-    before, behind = places[0], 1.0 - places[-1]
-    return before * (1.0 - ASIDE) if before > behind else 1.0 - behind * (1.0 - ASIDE)
-
-
-def locate_branch_point(segment: Segment, start: float) -> tuple[float, BranchPoint] | None:
-    """Locate the branch point between two points of opposite determinant; None if there is none after all.
+def _simple(segment: Segment, start: float) -> tuple[float, BranchPoint, int] | None:
+    """Locate a branch point at which one other curve crosses; None if there is none.
 
     The start is where the matrices at both ends foretell it.
 
@@ -262,7 +221,7 @@ def locate_branch_point(segment: Segment, start: float) -> tuple[float, BranchPo
 
     Returns
     -------
-    (theta, event) or None
+    (theta, event, 1) or None
         Position within the segment, and the branch point.
     """
     problem, metric = segment.begin.problem, segment.metric
@@ -281,8 +240,8 @@ def locate_branch_point(segment: Segment, start: float) -> tuple[float, BranchPo
             x, p = x + dx, float(p + dp)
             # Once, a correction back onto the curve may be as large as the one before along it.
             again, stalled = stalled, size < 1e-7 and size > 0.1 * previous
-            if size <= 1e-13 or (stalled and again):
-                simple = _simple(segment, x, p, row, (left, right))
+            if size <= 4 * ROUNDING or (stalled and again):
+                simple = x.size == 1 or _null_vectors(segment, x, p).shape[1] == 1
                 return _report(segment, saddle, x, p, dx, dp) if simple else None
             previous = size
     except (CorrectionError, np.linalg.LinAlgError):
@@ -290,24 +249,93 @@ def locate_branch_point(segment: Segment, start: float) -> tuple[float, BranchPo
     return None
 
 
-def unresolved_branch_point(segment: Segment) -> tuple[float, BranchPoint] | None:
-    """Return the middle of a very short step across which the determinant changes sign without a simple crossing."""
-    return None if segment.length > UNRESOLVED else _within(segment)
+def _multiple(segment: Segment, place: float, options: Options) -> tuple[float, BranchPoint, int] | None:
+    """Locate a point at which several other curves cross, from the matrices close to it on both sides; None if these
+    tell of none."""
+    problem, metric = segment.begin.problem, segment.metric
+    try:
+        for aside in BOTH_SIDES:
+            begin, end = (point_on(segment, place + by, options)[0] for by in (-aside, aside))
+            piece = Segment(begin, end, metric)
+            inside = _singular(piece, _matrix(end, piece))
+            if not inside:
+                return None
+            middle = float(np.mean(inside))
+            place += (2.0 * middle - 1.0) * aside
+        x, p = piece.at(middle)
+        null_vectors = _null_vectors(piece, x, p)
+    except CorrectionError:
+        return None
+    if null_vectors.shape[1] < 2:
+        return None
+    tangent = metric.unit(problem, *piece.direction(middle))
+    point = Point(problem, x, p, *tangent, label="branch point")
+    error = aside * (aside + max(inside) - min(inside)) * segment.length
+    scales = (metric.state_scale, metric.parameter_scale)
+    tangents = _crossing(segment, point, null_vectors, options)
+    event = BranchPoint(point, error * scales[1], error * scales[0], tangents=tangents, scales=scales)
+    return place, event, null_vectors.shape[1]
 
 
-def _coinciding(segment: Segment) -> list[tuple[float, BranchPoint]]:
-    """Return several branch points that cannot be told from each other as one, unless an index tells of them better."""
-    told = type(segment.begin.problem).morse_index is not Problem.morse_index
-    return [] if told else [_within(segment)]
+def _null_vectors(segment: Segment, x: Array, p: float) -> Array:
+    """Return the null vectors of [J Fp] at a point of a segment, but for the tangent, in units of the scales; (n+1, m).
+
+    They are what the inverse of the matrix bordered by the tangent enlarges there, but not at the ends of the segment.
+    """
+    problem, metric, n = segment.begin.problem, segment.metric, x.size
+    units = np.append(np.full(n, metric.state_scale), metric.parameter_scale)
+    row = metric.row(problem, *metric.unit(problem, *segment.chord))
+    count = min(n + 1, MOST_NULL_VECTORS)
+    loads = np.cos(1.0 + np.arange((n + 1) * count) ** 2 % 7919).reshape(count, n + 1)
+    beside = x + SHIFT * segment.chord[0], p + SHIFT * segment.chord[1]
+    ends = [(point.x, point.parameter) for point in (segment.begin, segment.end)]
+    enlarged = []
+    for there, q in (*ends, beside):
+        matrix = border(problem, there, q, linearise(problem, there, q), row)
+        images = [np.append(*solve(matrix, load[:n], float(load[n]), q)) / units for load in loads]
+        vectors, sizes, _ = np.linalg.svd(np.array(images).T, full_matrices=False)
+        enlarged.append(sizes)
+    return np.asarray(vectors[:, enlarged[2] > NULL_VECTOR_GROWTH * np.maximum(enlarged[0], enlarged[1])])
+
+
+def _crossing(segment: Segment, here: Point, null_vectors: Array, options: Options) -> tuple[Direction, ...]:
+    """Return the directions of the curves through a branch point, the followed one's first, by solutions close by.
+
+    From combinations of the tangent and the null vectors Newton's method leads to points of the curves.
+    """
+    problem, metric, n = here.problem, segment.metric, here.x.size
+    units = np.append(np.full(n, metric.state_scale), metric.parameter_scale)
+    found = [(here.tangent_x, here.tangent_parameter)]
+    count, patient = null_vectors.shape[1], replace(options, patience=CORRECTIONS)
+    basis = [metric.unit(problem, v[:n], float(v[n])) for v in (units[:, None] * null_vectors).T]
+    starts = np.random.default_rng(0).standard_normal((SEARCHES * count**2, count + 1))
+    for shares in starts if count <= MOST_SEARCHED else ():
+        parts = list(zip(shares, [found[0], *basis], strict=True))
+        u, a = metric.unit(
+            problem, sum(share * v for share, (v, _) in parts), sum(share * b for share, (_, b) in parts)
+        )
+        near = here.x + SEARCH_RADIUS * u, here.parameter + SEARCH_RADIUS * a
+        try:
+            point, _ = corrected_point(problem, near, (u, a), metric, patient)
+        except CorrectionError:
+            continue
+        v, b = metric.unit(problem, point.x - here.x, point.parameter - here.parameter)
+        cosines = [abs(metric.dot(problem, v, b, *one)) for one in found]
+        if metric.dot(problem, u, a, v, b) > 0.5 and max(cosines) < math.cos(SAME_DIRECTION):
+            found.append((v, b))
+    return tuple(found)
 
 
 def _within(segment: Segment) -> tuple[float, BranchPoint]:
-    """Return the middle of a step, its lengths being the errors."""
+    """Return the middle of a step across which the determinant changes its sign, its lengths being the errors."""
     x, p = segment.at(0.5)
     problem = segment.begin.problem
-    point = Point(problem, x, p, *segment.metric.unit(problem, *segment.direction(0.5)), label="branch point")
+    tangent = segment.metric.unit(problem, *segment.direction(0.5))
+    point = Point(problem, x, p, *tangent, label="branch point")
     state_error = size_of(problem, segment.end.x - segment.begin.x)
-    return 0.5, BranchPoint(point, abs(segment.end.parameter - segment.begin.parameter), state_error)
+    return 0.5, BranchPoint(
+        point, abs(segment.end.parameter - segment.begin.parameter), state_error, tangents=(tangent,)
+    )
 
 
 def _reduction(segment: Segment, theta: float) -> tuple[Direction, Array, Array]:
@@ -317,7 +345,7 @@ def _reduction(segment: Segment, theta: float) -> tuple[Direction, Array, Array]
     """
     problem, metric = segment.begin.problem, segment.metric
     row = metric.row(problem, *metric.unit(problem, *segment.chord))
-    n, rest = row[0].size, SINGULAR * (1.0 - theta)  # beside it: exact zeros have no factors
+    n, rest = row[0].size, SHIFT * (1.0 - theta)  # beside it: exact zeros have no factors
     (_, first, before), (_, last, after) = (
         linearise(problem, point.x, point.parameter) for point in (segment.begin, segment.end)
     )
@@ -360,7 +388,7 @@ def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
         rate = _derivative(problem, x, p, direction, metric)
         return multiplier + solved(-rate - multiplier * null_vectors[0], 0.0, 0.0)[1]
 
-    if _differenced(problem):
+    if differenced(problem):
         mu_alpha, mu_beta = slope(alpha, mu_alpha), slope(beta, mu_beta)
 
     def bend(direction: Direction) -> float:
@@ -372,19 +400,14 @@ def _saddle(segment: Segment, x: Array, p: float, row: Direction, null_vectors: 
     scale = metric.norm(problem, *alpha) / metric.norm(problem, *beta)
     both = (alpha[0] + scale * beta[0], alpha[1] + scale * beta[1])
     ab = (bend(both) - aa - scale**2 * bb) / (2 * scale)
-    return _Saddle(back, mu, np.array([mu_alpha, mu_beta]), np.array([[aa, ab], [ab, bb]]), alpha, beta)
-
-
-def _differenced(problem: Problem) -> bool:
-    """Whether the problem leaves its Jacobian to differences."""
-    kind = type(problem)
-    return kind.jacobian is Problem.jacobian and kind.linearise is Problem.linearise
+    hessian = np.array([[aa, ab], [ab, bb]])
+    return _Saddle(back, mu, np.array([mu_alpha, mu_beta]), hessian, alpha, beta, at, matrix)
 
 
 def _derivative(problem: Problem, x: Array, p: float, along: Direction, metric: Metric) -> Array:
     """Return the derivative of F along a direction, by differences of fourth order."""
     u, a = along
-    step = _FIFTH_ROOT_OF_ROUNDING / metric.norm(problem, u, a)
+    step = ROUNDING**0.2 / metric.norm(problem, u, a)
     near, far = (
         (residual(problem, x + s * u, p + s * a) - residual(problem, x - s * u, p - s * a)) / (2 * s)
         for s in (step, 2 * step)
@@ -403,22 +426,9 @@ def _augmented(at: Linearisation, row: Direction, null_vectors: tuple[Array, Arr
         raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
 
 
-def _simple(segment: Segment, x: Array, p: float, row: Direction, null_vectors: tuple[Array, Array]) -> bool:
-    """Whether no more than two curves cross: otherwise the matrix with both null vectors is singular, too."""
-    if x.size == 1:
-        return True
-    problem, metric = segment.begin.problem, segment.metric
-    load = np.append(np.cos(1.0 + np.arange(x.size) ** 2 % 7919), 0.0)
-    sizes = []
-    for at, q in ((x, p), (segment.begin.x, segment.begin.parameter), (segment.end.x, segment.end.parameter)):
-        y, _ = solve(_augmented(linearise(problem, at, q), row, null_vectors), load, 0.0, q)
-        sizes.append(metric.norm(problem, y[:-1], float(y[-1])))
-    return sizes[0] < SEVERAL * max(sizes[1:])
-
-
 def _report(
     segment: Segment, saddle: _Saddle, x: Array, p: float, dx: Array, dp: float
-) -> tuple[float, BranchPoint] | None:
+) -> tuple[float, BranchPoint, int] | None:
     """Return the branch point with both directions, if it is one and lies in the step."""
     problem, metric = segment.begin.problem, segment.metric
     theta = segment.position(x, p)
@@ -431,20 +441,38 @@ def _report(
     form = saddle.hessian * np.outer(units, units)
     size = float(np.max(np.abs(form)))
     discriminant = form[0, 1] ** 2 - form[0, 0] * form[1, 1]
-    if not discriminant > 0 or abs(saddle.mu) > size * max(CONFIRMED * segment.length**2, 1e3 * ROUNDING):
+    if not discriminant > 0 or abs(saddle.mu) > size * max(SADDLE_HEIGHT * segment.length**2, 1e3 * ROUNDING):
         return None
     along, other = _directions(segment, saddle, form, units, theta)
-    flat = min(abs(along[1]), abs(other[1])) < FLAT * metric.parameter_scale
-    type_: Kind = "pitchfork" if flat else "transcritical"
     point = Point(problem, x, p, along[0], along[1], label="branch point")
-    rough = _FIFTH_ROOT_OF_ROUNDING**4 if _differenced(problem) else ROUNDING  # of differences of fourth order
+    rough = ROUNDING**0.8 if differenced(problem) else ROUNDING  # of differences of fourth order
     error = 4 * (abs(float(dp)) + ROUNDING * abs(p) + rough * metric.parameter_scale)
     state_error = 4 * (size_of(problem, dx) + ROUNDING * size_of(problem, x) + rough * metric.state_scale)
     scales = (metric.state_scale, metric.parameter_scale)
-    other_x, other_p = other
-    return theta, BranchPoint(
-        point, error, state_error, type=type_, other_x=other_x, other_parameter=other_p, scales=scales
-    )
+    type_ = _type(segment, saddle, x, p)
+    return theta, BranchPoint(point, error, state_error, type=type_, tangents=(along, other), scales=scales), 1
+
+
+def _type(segment: Segment, saddle: _Saddle, x: Array, p: float) -> Kind:
+    """Tell whether one of the two curves is at an extremum of the parameter, by the normal form a p z + b z² + c z³.
+
+    b is ψᵀ F_xx φ φ with the null vectors ψ and φ of J at constant p. It is zero where it is no larger than its error:
+    rounding of F in a second difference, and of ψ.
+    """
+    problem, metric, n = segment.begin.problem, segment.metric, x.size
+    (u, a), (v, b) = saddle.alpha, saddle.beta
+    phi = b * u - a * v
+    phi = phi / metric.norm(problem, phi, 0.0)
+    d = second_derivative(problem, x, p, (phi, 0.0), metric, residual(problem, x, p))
+    transposed = saddle.matrix.solve_transposed(np.zeros(n + 1), 1.0)
+    psi = np.zeros(n) if transposed is None else transposed[0][:n]
+    step, states = ROUNDING**0.25, np.full(n, metric.state_scale)
+    ends = (linearise(problem, point.x, point.parameter) for point in (segment.begin, segment.end))
+    rows = sum(residual_terms(at, states, metric.parameter_scale) for at in ends)
+    inexact = 1e2 * jacobian_rounding(problem)
+    error = 4.0 * ROUNDING / step**2 * float(np.abs(psi) @ residual_terms(saddle.at, np.abs(x) + step * np.abs(phi), p))
+    error += inexact * float(np.linalg.norm(psi * rows) * np.linalg.norm(d / np.where(rows > 0.0, rows, 1.0)))
+    return "pitchfork" if abs(float(psi @ d)) <= CURVATURE_ROUNDINGS * error else "transcritical"
 
 
 def _directions(

@@ -42,6 +42,7 @@ class Outcome(Enum):
     STOPPED_AT_EVENT = "The event asked for was reached.", True
     STOPPED_BY_PREDICATE = "The stop condition given by the user was met.", True
     NORM_LIMIT = "The state's norm exceeds norm_limit.", True
+    RUNS_TO_INFINITY = "The state grows without bound, to infinity, at a finite value of the parameter."
     MAXIMUM_POINTS = "The largest number of points allowed was reached before the end of the curve."
     TIME_LIMIT = "The time limit was reached before the end of the curve."
     START_FAILED = "No solution was found near the start."
@@ -196,34 +197,47 @@ class BranchPoint(Located):
     Attributes
     ----------
     type : str
-        "pitchfork" (one of the two curves is at an extremum of the parameter there), "transcritical", or
-        "branch point" where the second derivatives do not tell.
-    other_x, other_parameter : (n,) array, float
-        Direction of the crossing curve, where it could be computed.
+        Where one other curve crosses, "pitchfork" (one of the two is at an extremum of the parameter there) or
+        "transcritical"; "branch point" where several do, or where the second derivatives do not tell.
+    tangents : tuple of ((n,) array, float)
+        Unit directions of all curves that cross here as far as they are known, that of this one first. With
+        `type` "branch point" and a single one, how the others go is not known.
     scales : (float, float)
         Lengths of state and parameter that the trace took for one where it found the point.
+    before, after : int or None
+        Morse indices of the curve on either side, where several curves cross and the problem knows them.
     """
 
     type: Literal["pitchfork", "transcritical", "branch point"] = "branch point"
-    other_x: Array | None = None
-    other_parameter: float | None = None
+    tangents: tuple[Direction, ...] = ()
     scales: tuple[float, float] = (1.0, 1.0)
+    before: int | None = None
+    after: int | None = None
+
+    def __post_init__(self) -> None:
+        if not self.tangents:
+            own = self.point.tangent_x, self.point.tangent_parameter
+            object.__setattr__(self, "tangents", (own,))
 
     @property
-    def tangents(self) -> tuple[Direction, ...]:
-        """Directions (u, a) in which x and p change along the curves that meet here, that of the one followed first.
+    def other_x(self) -> Array | None:
+        """State part of the direction of the crossing curve, None if there is not a single one."""
+        return self.tangents[1][0] if len(self.tangents) == 2 else None
 
-        Only that one where the others could not be computed.
-        """
-        followed = self.point.tangent_x, self.point.tangent_parameter
-        if self.other_x is None or self.other_parameter is None:
-            return (followed,)
-        return followed, (self.other_x, self.other_parameter)
+    @property
+    def other_parameter(self) -> float | None:
+        """Parameter part of the direction of the crossing curve, None if there is not a single one."""
+        return self.tangents[1][1] if len(self.tangents) == 2 else None
 
     @property
     def kind(self) -> str:
-        """Kind of the event."""
-        return "branch point"
+        """Kind of the event; that of several curves is a change of the index, where that is known."""
+        return "branch point" if self.before == self.after else "index change"
+
+    def turned(self) -> BranchPoint:
+        """Return the branch point as seen along the opposite direction of the curve."""
+        tangents = tuple((-u, -a) for u, a in self.tangents)
+        return replace(self, point=self.point.turned(), tangents=tangents, before=self.after, after=self.before)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

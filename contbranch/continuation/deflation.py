@@ -12,14 +12,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from contbranch.continuation.bordered import SingularBorderedError, factorise
 from contbranch.continuation.problem import Array, Problem, size_of
 from contbranch.watch import check
 
-# Longest step, relative to the size of the state and the distance of the known solutions, and shortest damping.
-LONGEST = 0.5
-ITERATIONS = 30
-# Newton's corrections at which a solution is taken as found.
-TOLERANCE = 1e-9
+# Longest step, relative to the size of the state or the distance of the known solutions.
+LONGEST_STEP = 0.5
+# Most corrections, and their size at which a solution is found.
+DEFLATED_CORRECTIONS, SOLVED = 30, 1e-9
 
 
 def deflated_newton(
@@ -33,7 +33,6 @@ def deflated_newton(
     Parameters
     ----------
     problem : Problem
-        With a dense Jacobian.
     p : float
         Parameter.
     known : sequence of (n,) arrays
@@ -44,26 +43,33 @@ def deflated_newton(
     -------
     (n,) array or None
         A new solution; None if none was reached.
+
+    Raises
+    ------
+    UnsolvedError
+        If GMRES does not converge for a Jacobian without matrix.
     """
     x = np.array(start, dtype=float)
-    for _ in range(ITERATIONS):
+    border = np.zeros_like(x)
+    for _ in range(DEFLATED_CORRECTIONS):
         check()
-        residual, jacobian, _ = problem.linearise(x, p)
-        if not np.isfinite(residual).all():
+        at = problem.linearise(x, p)
+        if not np.isfinite(at.residual).all():
             return None
         try:
-            step = np.linalg.solve(np.asarray(jacobian), -residual)
-        except np.linalg.LinAlgError:
+            bordered = factorise(at.jacobian, border, border, 1.0, problem.preconditioner(x, p))
+            step, _ = bordered.solve(-at.residual, 0.0)
+        except SingularBorderedError:
             return None
         length = size_of(problem, step)
         if not math.isfinite(length):
             return None
         nearest = min((size_of(problem, x - other) for other in known), default=math.inf)
-        if length < TOLERANCE:
-            return x + step if nearest > 1e3 * TOLERANCE else None
+        if length < SOLVED:
+            return x + step if nearest > 1e3 * SOLVED else None
         factor = _factor(problem, x, step, known)
         own = 1.0 + size_of(problem, x)
-        longest = LONGEST * max(min(nearest, own), 0.1)
+        longest = LONGEST_STEP * max(min(nearest, own), 0.1)
         damping = min(1.0, longest / (abs(factor) * length)) if factor else 1.0
         x = x + damping * factor * step
     return None

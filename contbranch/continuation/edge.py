@@ -7,12 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation.curve import Outcome, Point
+from contbranch.continuation.curve import End, Outcome, Point
 from contbranch.continuation.locate import find_root
+from contbranch.continuation.metric import ROUNDING, Balance
 from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options
+from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import corrected_point, point_on, roughly, to_point
+from contbranch.continuation.walk import corrected_point, point_on, to_point
+
+# Factor by which a state grows, while the parameter is at rest, that runs to infinity; and, where values overflow or
+# Newton's method fails, the factor from which on that is the reason.
+ESCAPE_GROWTH, OVERFLOW_GROWTH = 1e2, 2.0
+OVERFLOWS = (Outcome.NOT_FINITE, Outcome.STEP_TOO_SMALL, Outcome.EVALUATION_FAILED, Outcome.MAXIMUM_POINTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +52,41 @@ class Range:
             if abs(p - edge) <= tolerance * self.width:
                 return edge
         return None
+
+
+class Escape:
+    """Tells when the state of a curve runs to infinity: it grows while the parameter stays where it is.
+
+    Attributes
+    ----------
+    parameter, size : float
+        Where the parameter has come to rest, and the size of the state there, or its scale if that is larger.
+    """
+
+    def __init__(self, interval: Range, tolerance: float) -> None:
+        self.width, self.tolerance = interval.width, tolerance
+        self.parameter = self.last = math.inf
+        self.size, self.growth, self.resolution = 0.0, 1.0, 0.0
+
+    def passed(self, point: Point, balance: Balance) -> End | None:
+        """Take note of a point; return the end of the curve where there is no more to it."""
+        size, path = size_of(point.problem, point.x), max(balance.parameter_total, abs(point.parameter))
+        self.resolution = self.tolerance * min(self.width, path)
+        if math.isfinite(self.width):
+            self.resolution = max(self.resolution, 1e2 * ROUNDING * self.width)
+        if not abs(point.parameter - self.parameter) <= self.resolution:
+            self.parameter, self.size = point.parameter, max(size, balance.state)
+        self.growth, self.last = size / self.size, point.parameter
+        return self._end if self.growth > ESCAPE_GROWTH else None
+
+    def explained(self, end: End) -> End:
+        """Return the reason of an end on the way to infinity, where values overflow or digits run out."""
+        return self._end if end.outcome in OVERFLOWS and self.growth > OVERFLOW_GROWTH else end
+
+    @property
+    def _end(self) -> End:
+        value = round(self.last / self.resolution) * self.resolution
+        return End(Outcome.RUNS_TO_INFINITY, f"(The parameter approaches {value:.9g}.)")
 
 
 def land(segment: Segment, edge: float, options: Options, beyond: float = 1.0) -> Point:
@@ -115,7 +157,7 @@ def closes(segment: Segment, start: Point, options: Options) -> Point | None:
     offset = metric.dot(problem, start.x - x, start.parameter - p, *row)
     x, p = x + offset * row[0], p + offset * row[1]
     try:
-        point, _ = corrected_point(problem, (x, p), row, metric, roughly(options))
+        point, _ = corrected_point(problem, (x, p), row, metric, options)
     except CorrectionError:
         return None
     apart = metric.norm(problem, point.x - start.x, point.parameter - start.parameter)

@@ -11,7 +11,7 @@ import numpy as np
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.branching import LeapError
 from contbranch.continuation.curve import Curve, End, EventPoint, Fold, Located, Outcome, Point
-from contbranch.continuation.edge import Range, closes, land
+from contbranch.continuation.edge import Escape, Range, closes, land
 from contbranch.continuation.events import Event, Happening
 from contbranch.continuation.metric import Balance
 from contbranch.continuation.newton import CorrectionError, correct
@@ -131,8 +131,10 @@ class _Direction:
         options = course.options
         self.start, self.interval, self.course, self.options = start, interval, course, options
         self.branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
-        self.balance, self.metric = balance, balance.metric(options.weight, options.state_floor)
+        self.balance = balance.sized(size_of(start.problem, start.x), start.parameter)
+        self.metric = self.balance.metric(options.weight, options.state_floor)
         self.recent, self.count, self.reach = [start], 1, math.inf
+        self.escape = Escape(interval, options.edge_tolerance)
         self.step = options.first_step * self.metric.norm(start.problem, start.tangent_x, start.tangent_parameter)
 
     def followed(self) -> Branch:
@@ -143,6 +145,7 @@ class _Direction:
                 end = self._record(taken)
                 if end is None:
                     self._go_on_from(taken)
+                    end = self.escape.passed(taken.segment.end, self.balance)
             except CorrectionError as error:
                 end = End(error.outcome, error.detail, error.__cause__)
             except (OverflowError, ZeroDivisionError) as error:
@@ -151,8 +154,8 @@ class _Direction:
                 caught(error)
                 end = End(Outcome.INTERRUPTED)
             if end is not None:
-                return replace(self.branch, end=end)
-        return self.branch
+                return replace(self.branch, end=self.escape.explained(end))
+        return replace(self.branch, end=self.escape.explained(self.branch.end))
 
     def _predictor(self) -> Predictor:
         self.recent[-1] = unit_tangent(self.recent[-1], self.metric)
@@ -227,6 +230,7 @@ class _Direction:
         options, begin, end = self.options, taken.segment.begin, taken.segment.end
         dx, dp = end.x - begin.x, end.parameter - begin.parameter
         self.balance = self.balance.advance(size_of(begin.problem, dx), abs(dp))
+        self.balance = self.balance.sized(size_of(end.problem, end.x), end.parameter)
         self.metric = self.balance.metric(
             options.weight, max(options.state_floor, end.problem.negligible(end.x, end.parameter))
         )

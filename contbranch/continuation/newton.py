@@ -8,33 +8,51 @@ from functools import partial
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, SparseBordered, as_matrix, factorise
+from contbranch.continuation.bordered import (
+    Bordered,
+    SingularBorderedError,
+    SparseBordered,
+    UnsolvedError,
+    as_matrix,
+    factorise,
+)
 from contbranch.continuation.curve import Outcome
-from contbranch.continuation.metric import Metric
+from contbranch.continuation.metric import ROUNDING, Metric
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction, Linearisation, Problem, size_of
 from contbranch.watch import check
 
-ROUNDING = float(np.finfo(float).eps)
-# A tangent comes from the last Jacobian evaluated; this bounds its distance from the corrected point (in the metric).
+# Largest last correction (in the metric) behind which the Jacobian before it serves for the tangent.
 TANGENT_DISTANCE = 1e-4
 PRECISE_TANGENT_DISTANCE = 1e-10
 # Corrections below this (in the metric) may grow once, and tell nothing of how long a step may be: what is stiff in a
 # prediction makes the first one small and the second, of what is soft, larger; the third is their square.
-SMALL = 1e-3
-# Where a problem multiplies by its Jacobian at little cost, the matrix factorised for a correction of that size serves
-# for a precise point's next ones as long as they contract by this factor, and for the tangent, refined so often.
-CONTRACTS, POLISHINGS = 0.1, 8
-# ... and for those of steps where matrices are this large, and residuals cost little beside them. What a kept one
-# leaves of a residual would count as a discretisation's error: it is to be smaller than otherwise by this factor.
-LARGE, KEPT = 150, 1e-2
+SMALL_CORRECTION = 1e-3
+# A correction that is no smaller than this share of the one before does not contract as Newton's do.
+STALL_RATIO = 0.1
+# Where a product with the Jacobian costs little beside its factorisation, the one of a small correction serves for the
+# next ones as long as they contract by STALL_RATIO, in steps from this size of the system on.
+KEPT_FROM_SIZE = 150
+# What a kept matrix leaves of a residual would count as a discretisation's error: steps aim at this much less.
+KEPT_SHARE = 1e-2
 # Last correction above which the matrix before it does not tell the sign of the determinant behind it: what is soft in
 # other directions than that of the correction, as where a symmetry is about to be lost, changes by many times as much.
-SIGNED = 1e-7
-# Most corrections of a predicted point; what does not contract is given up earlier.
-ITERATIONS = 10
-# ... and of a start.
-START_ITERATIONS = 50
+SIGN_DISTANCE = 1e-7
+# Corrections in the softest direction that tell nothing, in units of what rounding of F makes of a point there.
+SOFT_ROUNDINGS = 30.0
+# ... and that is longer than this (in the metric): less does not turn a step.
+SOFT_LENGTH = 1e-6
+# Most corrections of a predicted point, of a start, and of a tangent.
+CORRECTIONS, START_CORRECTIONS, TANGENT_CORRECTIONS = 10, 50, 8
+# A start is a solution if no component of its residual is larger than this multiple of rounding, ...
+START_ROUNDINGS = 4.0
+# ... if Newton's correction is below this share of it, or if rounding hides how to lower the residual and the
+# correction is below this share of the way to it.
+START_TOLERANCE, START_STALL = 1e-10, 1e-6
+
+# Change of a unit tangent by a refinement from which on the equations do not determine it.
+UNDETERMINED_TANGENT = 1e-3
+AT_BIFURCATION = "(The start is a bifurcation: a solution at which several curves cross. Start beside it.)"
 
 
 class CorrectionError(Exception):
@@ -48,7 +66,10 @@ class CorrectionError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """A point on the curve with its tangent (not yet of unit length), and what Newton's method said on the way."""
+    """A point on the curve with its tangent (not yet of unit length), and what Newton's method said on the way.
+
+    The uncertainty is a length: Newton's last correction, where the residual is at rounding and it tells nothing.
+    """
 
     x: Array
     parameter: float
@@ -57,6 +78,7 @@ class Corrected:
     bordered: Bordered
     first_correction: float
     contraction: float
+    uncertainty: float = 0.0
 
 
 class evaluating:  # a context, like suppress
@@ -109,7 +131,7 @@ def solve(bordered: Bordered, f: Array, g: float, p: float) -> Direction:
     """Solve a bordered system, or raise CorrectionError if that fails or the solution is not finite."""
     try:
         u, a = bordered.solve(f, g)
-    except SingularBorderedError as error:
+    except (SingularBorderedError, UnsolvedError) as error:
         raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
     _finite(u, p, "Newton's correction", a)
     return u, a
@@ -148,67 +170,95 @@ def correct(
     own = problem.in_plane(x, p, row, precise)
     if own is not None:
         return Corrected(*own, Bordered(), 0.0, 0.0)
-    tolerance, noise = options.tolerance, options.noise
-    close = PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE
-    floor = _rounding_floor(problem, x, p, metric)
-    noise *= floor
-    first = previous = math.inf
-    contraction = 0.0
-    worst = 0.0
+    rounding = 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
+    tolerance = max(options.tolerance, rounding)
+    close = max(PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE, rounding)
+    first = previous = height = highest = math.inf
+    contraction = worst = 0.0
     slow = False
-    polishes = (precise or x.size >= LARGE) and _multiplies(problem, bordered)
-    kept = polishes and bordered is not None
-    share = 1.0 if precise else KEPT
+    keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
+    kept = keeps and bordered is not None
+    share = 1.0 if precise else KEPT_SHARE
     trusted = 1.0  # contraction from which on a matrix is kept
-    for iteration in range(1, ITERATIONS + 1):
+    at: Linearisation | None = None
+    soft: Soft | None = None
+    for iteration in range(1, CORRECTIONS + 1):
         if kept and bordered is not None:
             left = residual(problem, x, p)
         else:
             at = linearise(problem, x, p)
-            left, bordered = at[0], border(problem, x, p, at, row)
-            polishes = (precise or x.size >= LARGE) and _multiplies(problem, bordered)
+            left, bordered = at.residual, border(problem, x, p, at, row)
+            keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
         dx, dp = solve(bordered, -left, 0.0, p)
+        if at is not None and soft is None:
+            soft = Soft(problem, bordered, at, (x, p), metric)
+        uncertainty = 0.0
+        if soft is not None and soft.length > SOFT_LENGTH:
+            multiple, rest = soft.split(dx, dp)
+            if abs(multiple) <= SOFT_ROUNDINGS or metric.norm(problem, *rest) > close:
+                (dx, dp), uncertainty = rest, soft.length
         size = metric.norm(problem, dx, dp)
-        grows = iteration == 2 and noise < size < SMALL  # if at all: what is soft, see SMALL
-        rounded = kept and iteration > 1 and size <= _roughness(problem, x, p, metric)
-        # Not taken: it leads away, or from too far.
-        if kept and size > max(min(previous, SMALL), tolerance, floor) and not (grows or rounded):
-            kept, trusted = False, CONTRACTS
+        grows = iteration == 2 and tolerance < size < SMALL_CORRECTION  # if at all: what is soft
+        stalls = iteration > 1 and size > STALL_RATIO * previous
+        rounded = stalls and size > tolerance and is_rounding(left, at or linearise(problem, x, p), x, p, options.noise)
+        if kept and size > max(min(previous, SMALL_CORRECTION), tolerance) and not (grows or rounded):
+            kept, trusted = False, STALL_RATIO  # not taken: it leads away, or from too far
             continue
-        x = x + dx
-        p = p + dp
+        if not rounded:
+            x, p = x + dx, p + dp
+        height, highest = float(np.abs(left).max()), height
         if iteration == 1:
             first = size
-            done = size <= max(tolerance, floor, close * (precise and not kept))  # the next one is about its square
+            done = size <= max(tolerance, close * (precise and not kept))  # the next one is about its square
         else:
             contraction = size / previous if previous > 0 else 0.0
             # The next correction, by the matrix kept or by its own.
             left_over = contraction * size / share if kept else contraction**2 * size
-            done = rounded or ((kept or size <= max(close, floor)) and left_over <= max(tolerance, floor))
-            # What no longer contracts close to rounding is as good as it gets.
-            if not (done or kept) and contraction > 0.1:
-                done = size <= max(noise, _roughness(problem, x, p, metric))
-            again, slow = slow or size > SMALL, contraction > 0.5 and not kept  # otherwise its own matrix is next
+            done = rounded or ((kept or size <= close) and left_over <= tolerance)
+            # Where the matrix is soft, corrections are rounding while the residual falls as it should.
+            again, slow = slow or size > SMALL_CORRECTION, contraction > 0.5 and not kept and height > 0.5 * highest
             if not done and ((slow and again and iteration > options.patience) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
-            if size > max(SMALL, noise):
+            if size > SMALL_CORRECTION:
                 worst = max(worst, contraction)
         if done:
             if problem.delicate:
                 dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
-                if metric.norm(problem, dx, dp) <= max(size, noise):  # otherwise it leads away
+                if metric.norm(problem, dx, dp) <= max(size, tolerance):  # otherwise it leads away
                     x, p = x + dx, p + dp
-            if options.detect_branch_points and not precise and (kept or size > SIGNED):
+            if options.detect_branch_points and not precise and (kept or size > SIGN_DISTANCE):
                 at = linearise(problem, x, p)
                 bordered, kept = border(problem, x, p, at, row), False
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
             if kept or problem.delicate:
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
-            return Corrected(x, p, u, a, bordered, first, worst)
+            return Corrected(x, p, u, a, bordered, first, worst, size if rounded else uncertainty)
         previous = size
-        kept = polishes and size < SMALL and (grows or contraction < (CONTRACTS if kept else trusted))
+        kept = keeps and size < SMALL_CORRECTION and (grows or contraction < (STALL_RATIO if kept else trusted))
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
+
+
+class Soft:
+    """What rounding of F makes of a point: a direction, in which the matrix is softest, and a length.
+
+    A correction along it by no more than a few such lengths tells nothing, and a longer one only where the others have
+    been made.
+    """
+
+    def __init__(
+        self, problem: Problem, bordered: Bordered, at: Linearisation, where: tuple[Array, float], metric: Metric
+    ) -> None:
+        self.problem, self.metric, (x, p) = problem, metric, where
+        rounding = ROUNDING * residual_terms(at, x, p) * np.cos(1.0 + np.arange(x.size) ** 2 % 7919)
+        self.direction = solve(bordered, rounding, 0.0, p)
+        self.length = metric.norm(problem, *self.direction)
+
+    def split(self, u: Array, a: float) -> tuple[float, Direction]:
+        """Return the part of a correction along the direction, in lengths, and the rest of it."""
+        v, b = self.direction
+        multiple = self.metric.dot(self.problem, u, a, v, b) / self.length**2 if self.length > 0.0 else 0.0
+        return multiple, (u - multiple * v, a - multiple * b)
 
 
 def _multiplies(problem: Problem, bordered: Bordered | None) -> bool:
@@ -231,7 +281,7 @@ def _refined(
     metric, share = fine
     with evaluating(p):
         product, slope = problem.product(x, p), problem.parameter_derivative(x, p)
-    for _ in range(POLISHINGS):
+    for _ in range(TANGENT_CORRECTIONS):
         du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
         u, a = u + du, a + da
         if metric.norm(problem, du, da) <= share * metric.norm(problem, u, a):
@@ -245,17 +295,30 @@ def _at_fixed_parameter(bordered: Bordered, tangent: Direction, f: Array) -> Arr
     return v - b / tangent[1] * tangent[0]
 
 
-def _rounding_floor(problem: Problem, x: Array, p: float, metric: Metric) -> float:
-    return 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
+def residual_terms(at: Linearisation, x: Array, p: float) -> Array:
+    """Return |J||x| + |Fp p|, shape (n,): times the unit roundoff, that is what rounding of x and p makes of F."""
+    jacobian = at.jacobian if hasattr(at.jacobian, "matvec") else abs(as_matrix(at.jacobian))
+    return np.asarray(np.abs(jacobian @ np.abs(x)) + np.abs(at.parameter_derivative * p))
 
 
-def _roughness(problem: Problem, x: Array, p: float, metric: Metric) -> float:
-    """Rounding as slopes see it."""
-    return _rounding_floor(problem, x * (-1.0) ** np.arange(x.size), p, metric)
+def differenced(problem: Problem) -> bool:
+    """Whether the problem leaves its Jacobian to differences."""
+    kind = type(problem)
+    return kind.jacobian is Problem.jacobian and kind.linearise is Problem.linearise
 
 
-def correct_start(problem: Problem, x: Array, p: float) -> Array:
-    """Return a solution at fixed p near x by damped Newton iteration.
+def jacobian_rounding(problem: Problem) -> float:
+    """Return the relative rounding of a Jacobian: that of central differences where it is left to them."""
+    return ROUNDING ** (2 / 3) if differenced(problem) else ROUNDING
+
+
+def is_rounding(f: Array, at: Linearisation, x: Array, p: float, multiple: float) -> bool:
+    """Whether no component of a residual is larger than a multiple of what rounding of x and p makes of it."""
+    return bool(np.all(np.abs(f) <= multiple * ROUNDING * residual_terms(at, x, p)))
+
+
+def correct_start(problem: Problem, x: Array, p: float) -> tuple[Array, float]:
+    """Return a solution at fixed p near x by damped Newton iteration, and how far the iteration has gone.
 
     Raises
     ------
@@ -263,46 +326,35 @@ def correct_start(problem: Problem, x: Array, p: float) -> Array:
         With the residual that was reached.
     """
     x = np.array(x, dtype=float)
-    row = (np.zeros_like(x), 1.0)
-    previous = math.inf
+    row, travelled = (np.zeros_like(x), 1.0), 0.0
     at = linearise(problem, x, p)
-    for _ in range(START_ITERATIONS):
-        size = float(np.linalg.norm(at[0]))
-        if size == 0.0:
-            return x
+    for _ in range(START_CORRECTIONS):
+        size = float(np.linalg.norm(at.residual))
+        if is_rounding(at.residual, at, x, p, START_ROUNDINGS):
+            return x, travelled
         try:
-            dx, _zero = solve(border(problem, x, p, at, row), -at[0], 0.0, p)
+            dx, _ = solve(border(problem, x, p, at, row), -at.residual, 0.0, p)
         except CorrectionError as error:
-            if size <= _residual_rounding(at, x, p):
-                return x  # a fold
-            detail = f"(The Jacobian at parameter {p:.6g} is singular and the residual's norm {size:.3g}.)"
+            if is_rounding(at.residual, at, x, p, Options.noise):  # a fold
+                return x, travelled
+            detail = f"({error} The residual's norm at parameter {p:.6g} is {size:.3g}.)"
             raise CorrectionError(Outcome.START_FAILED, detail) from error
         correction = size_of(problem, dx)
-        scale = size_of(problem, x + dx)
-        if correction <= 1e-10 * scale or (correction <= 1e-6 * scale and correction > 0.1 * previous):
-            return x + dx
-        try:
-            x, at = _damped(problem, x, p, dx, size)
-        except CorrectionError:
-            if size <= _residual_rounding(at, x, p):
-                return x
-            raise
-        previous = correction
-    size = float(np.linalg.norm(at[0]))
-    if size <= _residual_rounding(at, x, p) or size == 0.0:
-        return x
-    raise CorrectionError(Outcome.START_FAILED, f"(The residual's norm at parameter {p:.6g} is still {size:.3g}.)")
+        travelled += correction
+        if correction <= START_TOLERANCE * size_of(problem, x + dx):
+            return x + dx, travelled
+        lower = _damped(problem, x, p, dx, size)
+        if lower is None:
+            break
+        x, at = lower
+    if correction <= START_STALL * max(size_of(problem, x), travelled):
+        return x, travelled
+    detail = f"(The residual's norm at parameter {p:.6g} is still {size:.3g}.)"
+    raise CorrectionError(Outcome.START_FAILED, detail)
 
 
-def _residual_rounding(at: Linearisation, x: Array, p: float) -> float:
-    """Size of residuals that are rounding's, of x and p."""
-    jacobian = abs(as_matrix(at.jacobian)) if not hasattr(at.jacobian, "matvec") else at.jacobian
-    terms = jacobian @ np.abs(x) + np.abs(at.parameter_derivative * p)
-    return 1e2 * ROUNDING * float(np.linalg.norm(terms))
-
-
-def _damped(problem: Problem, x: Array, p: float, dx: Array, size: float) -> tuple[Array, Linearisation]:
-    """Take the largest of the steps dx, dx/2, dx/4, ... that lowers the residual's norm."""
+def _damped(problem: Problem, x: Array, p: float, dx: Array, size: float) -> tuple[Array, Linearisation] | None:
+    """Take the largest of the steps dx, dx/2, dx/4, ... that lowers the residual's norm; None if none does."""
     failure: CorrectionError | None = None
     for halvings in range(20):
         trial = x + dx * 0.5**halvings
@@ -311,14 +363,11 @@ def _damped(problem: Problem, x: Array, p: float, dx: Array, size: float) -> tup
         except CorrectionError as error:
             failure = error
             continue
-        # Close to the solution rounding decides which residual is smaller: then any step will do.
-        if np.linalg.norm(at[0]) <= (1 - 0.1 * 0.5**halvings) * size or size < 1e-12:
+        if np.linalg.norm(at.residual) <= (1 - 0.1 * 0.5**halvings) * size:
             return trial, at
     if failure is not None:
         raise failure
-    raise CorrectionError(
-        Outcome.START_FAILED, f"(The residual's norm at parameter {p:.6g} is {size:.3g} and cannot be lowered.)"
-    )
+    return None
 
 
 def tangent_at(problem: Problem, x: Array, p: float) -> tuple[Array, float, Bordered]:
@@ -331,8 +380,17 @@ def tangent_at(problem: Problem, x: Array, p: float) -> tuple[Array, float, Bord
     arbitrary = np.cos(1.0 + np.arange(x.size) ** 2 % 7919)
     row = (problem.dual(arbitrary), 0.7)
     for _ in range(2):
-        bordered = border(problem, x, p, at, row)
+        try:
+            bordered = border(problem, x, p, at, row)
+        except CorrectionError as error:
+            raise CorrectionError(Outcome.START_FAILED, AT_BIFURCATION) from error
         u, a = solve(bordered, np.zeros_like(x), 1.0, p)
         size = math.sqrt(max(problem.inner(u, u), 0.0) + a * a)
-        row = (problem.dual(u / size), a / size)
-    return u / size, a / size, bordered
+        u, a = u / size, a / size
+        row = (problem.dual(u), a)
+    du, da = solve(bordered, -(at.jacobian @ u + a * at.parameter_derivative), 0.0, p)
+    if math.sqrt(max(problem.inner(du, du), 0.0) + da * da) > UNDETERMINED_TANGENT:
+        raise CorrectionError(Outcome.START_FAILED, AT_BIFURCATION)
+    if size_of(problem, du) > 0.5 * size_of(problem, u):  # rounding, of a state at rest
+        u = np.zeros_like(x)
+    return u, a, bordered

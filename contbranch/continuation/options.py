@@ -36,9 +36,8 @@ class Options:
     tolerance : float
         Error allowed in the corrected points, relative to the recent path.
     noise : float
-        Newton's corrections below this multiple of rounding (relative to the state) that no longer contract are taken
-        for
-        rounding: larger for ill-conditioned problems.
+        Where Newton's corrections no longer contract, a residual below this multiple of what rounding of x and p makes
+        of it is zero: larger for problems whose own numbers are larger.
     patience : int
         First Newton corrections that need not contract: for points on which more depends than the length of a step.
     maximum_points : int

@@ -13,7 +13,8 @@ from contbranch.arrays import AnyArray
 from contbranch.continuation.bordered import DENSE_UP_TO, as_matrix
 from contbranch.continuation.curve import Curve, HopfPoint, Located, Point, stacked
 from contbranch.continuation.events import Event, Happening
-from contbranch.continuation.newton import ROUNDING, CorrectionError, evaluating
+from contbranch.continuation.metric import ROUNDING
+from contbranch.continuation.newton import CorrectionError, evaluating
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Problem, size_of
 from contbranch.continuation.segment import Segment, segment_between

@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from contbranch.continuation.curve import BranchPoint, Curve, End, Outcome, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
@@ -21,9 +19,9 @@ from contbranch.continuation.walk import annotated, corrected_point
 from contbranch.errors import InputError
 
 # Lengths of the step off the branch point, as shares of the scales in use there.
-LEAVING = (1e-4, 1e-3, 1e-2)
+FIRST_STEPS = (1e-4, 1e-3, 1e-2)
 # The point reached must be this much closer to the crossing curve's tangent than the curve given is.
-NEARER = 0.3
+CLOSER_RATIO = 0.3
 
 
 def switch_branch(
@@ -41,10 +39,11 @@ def switch_branch(
 ) -> list[Curve]:
     """Follow the curves that cross at a branch point, without the one given, in both directions each.
 
-    At a simple branch point that is one curve; the branch point is among its points and events. Its direction there
-    comes from the second derivatives of F (Keller's algebraic bifurcation equation, in H. B. Keller, Numerical
+    The branch point is among the points and events of each. Their directions there are `BranchPoint.tangents`: with one
+    crossing curve from the second derivatives of F (Keller's algebraic bifurcation equation, in H. B. Keller, Numerical
     solution of bifurcation and nonlinear eigenvalue problems, in P. H. Rabinowitz, Applications of Bifurcation Theory,
-    Academic Press 1977), and the first point on either side from Newton's method in the plane normal to it.
+    Academic Press 1977), with several from solutions close by. The first point on either side comes from Newton's
+    method in the plane normal to the direction.
 
     Parameters
     ----------
@@ -68,50 +67,51 @@ def switch_branch(
     Raises
     ------
     InputError
-        If the branch point is not one of the curve, lies outside the range, or its crossing direction is unknown.
+        If the branch point is not one of the curve, lies outside the range, or no crossing direction is known.
     """
     if all(branch_point is not known for known in curve.branch_points):
         raise InputError("branch_point is not one of the curve's: give one of curve.branch_points.")
-    if branch_point.other_x is None or branch_point.other_parameter is None:
-        raise InputError("branch_point has no single crossing direction: more than two curves may meet there.")
+    if len(branch_point.tangents) < 2:
+        raise InputError("branch_point has no known crossing direction: more than two curves may meet there.")
     interval = interval_around(parameter_range, branch_point.parameter)
     course = Course(options, events, stop, callback, stability, time_limit, norm_limit)
     branch_point.point.problem.residual(branch_point.x, branch_point.parameter)  # a curve from a file raises here
-    found, watch = course.curves(lambda: _crossing(branch_point, interval, course))
+
+    def crossing_curves() -> list[Curve]:
+        found = (_crossing(branch_point, k, interval, course) for k in range(1, len(branch_point.tangents)))
+        return [curve for curve in found if curve is not None]
+
+    found, watch = course.curves(crossing_curves)
     return watch.passed(found)
 
 
-def _crossing(branch_point: BranchPoint, interval: Range, course: Course) -> list[Curve]:
-    """Follow the curve that crosses at a branch point."""
-    options, here = course.options, branch_point.point
-    problem = here.problem
-    u, a = branch_point.tangents[1]
+def _crossing(branch_point: BranchPoint, k: int, interval: Range, course: Course) -> Curve | None:
+    """Follow the curve of the k-th tangent in both directions; None if no point of it is reached."""
+    options, balance = course.options, Balance(*branch_point.scales)
+    metric = balance.metric(options.weight, options.state_floor)
+    problem, (u, a) = branch_point.point.problem, branch_point.tangents[k]
     if a < 0:
         u, a = -u, -a
     halves = []
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        balance = Balance(*branch_point.scales)
-        metric = balance.metric(options.weight, options.state_floor)
-        for along in ((u, a), (-u, -a)):
-            start = _beside(branch_point, along, metric, options)
-            if start is None or not interval.contains(start.parameter):
-                halves.append(Branch([], [], End(Outcome.START_FAILED, "(No point beside the branch point.)")))
-                continue
-            half = course.follow(start, balance, interval)
-            if half.end.outcome is Outcome.CLOSED:
-                return [joined(start, half, Branch([], [], half.end))]
-            halves.append(Branch([start, *half.points], [(event, i + 1) for event, i in half.events], half.end))
+    for along in ((u, a), (-u, -a)):
+        start = _beside(branch_point, along, metric, options)
+        if start is None or not interval.contains(start.parameter):
+            halves.append(Branch([], [], End(Outcome.START_FAILED, "(No point beside the branch point.)")))
+            continue
+        half = course.follow(start, balance, interval)
+        if half.end.outcome is Outcome.CLOSED:
+            return joined(start, half, Branch([], [], half.end))
+        halves.append(Branch([start, *half.points], [(event, i + 1) for event, i in half.events], half.end))
     if not any(half.points for half in halves):
-        return []
+        return None
     u, a = metric.unit(problem, u, a)
-    centre = replace(here, tangent_x=u, tangent_parameter=a, determinant_sign=None)
+    centre = replace(branch_point.point, tangent_x=u, tangent_parameter=a, determinant_sign=None)
     found = joined(centre, *halves)
     at = len(halves[1].points)
-    crossing = replace(
-        branch_point, point=centre, other_x=here.tangent_x, other_parameter=here.tangent_parameter, index=at
-    )
+    others = [tangent for i, tangent in enumerate(branch_point.tangents) if i != k]
+    crossing = replace(branch_point, point=centre, tangents=((u, a), *others), before=None, after=None, index=at)
     before = tuple(event for event in found.events if event.index < at)
-    return [replace(found, events=(*before, crossing, *found.events[len(before) :]))]
+    return replace(found, events=(*before, crossing, *found.events[len(before) :]))
 
 
 def _beside(branch_point: BranchPoint, along: Direction, metric: Metric, options: Options) -> Point | None:
@@ -120,8 +120,8 @@ def _beside(branch_point: BranchPoint, along: Direction, metric: Metric, options
     problem = here.problem
     u, a = metric.unit(problem, *along)
     cosine = metric.dot(problem, u, a, *metric.unit(problem, here.tangent_x, here.tangent_parameter))
-    allowed = NEARER * math.sqrt(max(1 - cosine**2, 0.0))
-    for step in LEAVING:
+    allowed = CLOSER_RATIO * math.sqrt(max(1 - cosine**2, 0.0))
+    for step in FIRST_STEPS:
         x, p = here.x + step * u, here.parameter + step * a
         try:
             point, bordered = corrected_point(problem, (x, p), (u, a), metric, options)

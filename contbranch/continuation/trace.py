@@ -149,7 +149,7 @@ def interval_around(parameter_range: tuple[float, float], p0: float) -> Range:
 
 def _start(problem: Problem, x: Array, p: float, interval: Range, options: Options) -> tuple[Point, Balance]:
     """Return the corrected start, oriented towards increasing p, and the first scales."""
-    x = correct_start(problem, x, p)
+    x, travelled = correct_start(problem, x, p)
     u, a, bordered = tangent_at(problem, x, p)
     if a < 0:
         u, a = -u, -a
@@ -158,6 +158,7 @@ def _start(problem: Problem, x: Array, p: float, interval: Range, options: Optio
     width = interval.width if math.isfinite(interval.width) else max(1.0, abs(p))
     if slope * width > 1e3 * a * size_of(problem, x):
         balance = _bending(problem, x, p, (u / slope, a / slope), bordered, balance, width)
+    balance = balance.sized(max(size_of(problem, x), travelled), p)
     metric = balance.metric(options.weight, options.state_floor)
     u, a = metric.unit(problem, u, a)
     # The determinant's sign belongs to the orientation: rebordering with the oriented, scaled tangent settles it.

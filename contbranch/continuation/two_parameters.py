@@ -17,7 +17,8 @@ from contbranch.continuation.curve import Curve, Fold, Point
 from contbranch.continuation.edge import Range
 from contbranch.continuation.events import Event
 from contbranch.continuation.functions import Function, as_problem
-from contbranch.continuation.newton import ROUNDING, CorrectionError, linearise
+from contbranch.continuation.metric import ROUNDING
+from contbranch.continuation.newton import CorrectionError, linearise
 from contbranch.continuation.options import Options, StopAt
 from contbranch.continuation.problem import Adaptation, Array, Linearisation, Problem
 from contbranch.continuation.trace import interval_around, trace_curve

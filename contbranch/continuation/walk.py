@@ -87,16 +87,7 @@ def _normal(problem: Problem, direction: Direction, metric: Metric) -> Direction
     return metric.row(problem, *metric.unit(problem, *direction))
 
 
-# Rounding is larger by far next to branch points.
-ROUGHER = 1e4
-
-
-def roughly(options: Options) -> Options:
-    """Return the settings for points that may lie next to a branch point."""
-    return replace(options, noise=ROUGHER * options.noise) if options.detect_branch_points else options
-
-
-# What rounding hides is interpolated between points that lie aside by this share of a segment.
+# Shares of a segment by which points lie aside that stand in for one in a place where rounding hides the curve.
 BESIDE = 0.01
 
 
@@ -104,30 +95,39 @@ class Across:
     """Points of the curve next to a segment, in planes normal to its direction at one fraction θ.
 
     They share a bordered matrix as far as it serves. Next to a branch point it is all but singular and rounding hides
-    the curve: what cannot be corrected there is interpolated between points a little way off.
+    the curve: a point there is interpolated between points a little way off, if they are known better.
     """
 
     def __init__(self, segment: Segment, theta: float, options: Options) -> None:
-        self.segment, self.direction, self.options = segment, segment.direction(theta), options
+        self.segment, self.options = segment, options
+        self.row = _normal(segment.begin.problem, segment.direction(theta), segment.metric)
         self.bordered: Bordered | None = None
 
     def at(self, theta: float) -> Point:
         """The point at the fraction θ of the segment."""
+        failure: CorrectionError | None = None
+        metric, uncertainty = self.segment.metric, math.inf
         try:
-            return self._corrected(theta, self.options)
-        except CorrectionError:
-            if not self.options.detect_branch_points:
-                raise
-        metric, rough = self.segment.metric, roughly(self.options)
-        around = Segment(self._corrected(theta - BESIDE, rough), self._corrected(theta + BESIDE, rough), metric)
-        direction = metric.unit(around.begin.problem, *around.direction(0.5))
-        return Point(around.begin.problem, *around.at(0.5), *direction)
+            point, uncertainty = self._corrected(theta)
+        except CorrectionError as error:
+            failure = error
+        if uncertainty == 0.0 or not self.options.detect_branch_points:
+            if failure is not None:
+                raise failure
+            return point
+        (begin, before), (end, behind) = (self._corrected(theta + by) for by in (-BESIDE, BESIDE))
+        if max(before, behind) > uncertainty:
+            return point
+        around = Segment(begin, end, metric)
+        return Point(begin.problem, *around.at(0.5), *metric.unit(begin.problem, *around.direction(0.5)))
 
-    def _corrected(self, theta: float, options: Options) -> Point:
+    def _corrected(self, theta: float) -> tuple[Point, float]:
+        """The point, and its uncertainty where rounding hides it."""
         segment = self.segment
-        problem, metric, near = segment.begin.problem, segment.metric, segment.at(theta)
-        point, self.bordered = corrected_point(problem, near, self.direction, metric, options, self.bordered)
-        return point
+        problem, metric = segment.begin.problem, segment.metric
+        corrected = correct(problem, segment.at(theta), self.row, metric, self.options, True, self.bordered)
+        self.bordered = corrected.bordered
+        return to_point(problem, corrected, metric, sign=False), corrected.uncertainty
 
 
 # Below this parameter component (in the metric) the sign of dp/ds does not orient a tangent reliably.

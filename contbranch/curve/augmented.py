@@ -19,7 +19,7 @@ from contbranch.contact.family import Family
 from contbranch.continuation import Adaptation, Event, Metric, Options, Point
 from contbranch.continuation.augmented import Augmented, Sheet, tangent_of
 from contbranch.continuation.edge import Range
-from contbranch.continuation.newton import ROUNDING
+from contbranch.continuation.metric import ROUNDING
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import corrected_point
 from contbranch.control import Control

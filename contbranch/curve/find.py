@@ -128,7 +128,7 @@ def _carried(held: HeldProblem, point: Point, target: float) -> Array:
     """A known state on the discretisation of the search."""
     x = _on(held.problem, point)
     with suppress(CorrectionError):  # next to a fold it may not be found there
-        return correct_start(held, x, target)
+        return correct_start(held, x, target)[0]
     return x
 
 

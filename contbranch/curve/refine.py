@@ -22,7 +22,7 @@ __all__ = [
     "upright",
 ]  # fmt: skip
 
-OPTIONS = Options(tolerance=1e-13, noise=1e8, patience=5)
+OPTIONS = Options(tolerance=1e-13, patience=5)
 # The finer discretisation has an error of its own, and its event is found to first order only.
 SAFETY = 3.0
 # Least error estimate as a share of the accuracy: both discretisations may happen to agree.

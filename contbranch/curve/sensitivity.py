@@ -25,7 +25,7 @@ from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.parameters import Parameter, parameters_of
 from contbranch.continuation import Point
 from contbranch.continuation.edge import Range
-from contbranch.continuation.newton import ROUNDING
+from contbranch.continuation.metric import ROUNDING
 from contbranch.control import Control
 from contbranch.curve.augmented import Condition, EventProblem
 from contbranch.curve.events import Margin

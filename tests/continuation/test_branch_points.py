@@ -7,7 +7,6 @@ import pytest
 from continuation_problems import Scalar, pitchfork
 
 from contbranch.continuation import Options, Outcome, Problem, StopAt, switch_branch, trace_curve
-from contbranch.errors import InputError
 
 
 @pytest.mark.parametrize("start", [-1.0, -1.037, -0.77])
@@ -179,7 +178,7 @@ def test_branch_points_beside_the_one_that_is_left():
 
 
 def test_branch_points_that_coincide_are_one():
-    """Where the determinant keeps its sign and no index is known."""
+    """Where the determinant keeps its sign and no index is known; four curves cross the one that is followed."""
 
     class Twice(Problem):
         def residual(self, x, p):
@@ -188,12 +187,17 @@ def test_branch_points_that_coincide_are_one():
     curve = trace_curve(Twice(), [0.0, 0.0], -1.0, (-1.0, 2.0))
     (point,) = curve.branch_points
     assert abs(point.parameter - 0.37) <= point.error < 1e-4
-    with pytest.raises(InputError, match="more than two curves"):
-        switch_branch(curve, point, (-1.0, 2.0))
+    assert point.type == "branch point"
+    ratios = sorted(abs(x[0]) / (abs(x[0]) + abs(x[1])) for x, _ in point.tangents[1:])
+    assert ratios == pytest.approx([0.0, 0.5, 0.5, 1.0], abs=1e-2)
+    branches = switch_branch(curve, point, (-1.0, 2.0))
+    assert all(branch.status == "complete" for branch in branches)
+    ends = np.sort([np.abs(branch.x[-1]) for branch in branches], axis=0)
+    assert ends == pytest.approx(np.sqrt(1.63) * np.array([[0, 0], [1, 1], [1, 1], [1, 1]]), abs=1e-9)
 
 
 def test_three_branch_points_in_one_place_are_no_simple_one():
-    """The determinant changes its sign there as at a single one, but nothing tells the curves that cross."""
+    """The determinant changes its sign as at a single one; four curves have one cell apart, three have pairs."""
 
     class Cells(Problem):
         """Four cells alike: the mean loses its stability at p = 0, the three differences at p = -1/2."""
@@ -206,8 +210,31 @@ def test_three_branch_points_in_one_place_are_no_simple_one():
     assert abs(several.parameter + 0.5) <= several.error < 1e-4
     assert (several.type, single.type) == ("branch point", "transcritical")
     assert abs(single.parameter) <= single.error < 1e-11
-    with pytest.raises(InputError, match="more than two curves"):
-        switch_branch(curve, several, (-1.0, 2.0))
+    assert len(several.tangents) == 8
+    branches = switch_branch(curve, several, (-1.0, 2.0))
+    assert [branch.status for branch in branches] == ["complete"] * 7
+    assert sorted(len(branch.folds) for branch in branches) == [0] * 3 + [1] * 4
+
+
+class Triangle(Problem):
+    """p z + z̄² - 0.3 |z|² z = 0 with z = x + i y: three transcritical curves, turned by 120°, cross z = 0 at p = 0."""
+
+    def residual(self, x, p):
+        z = complex(x[0], x[1])
+        value = p * z + z.conjugate() ** 2 - 0.3 * abs(z) ** 2 * z
+        return np.array([value.real, value.imag])
+
+    def morse_index(self, x, p):
+        return int((np.linalg.eigvals(self.jacobian(x, p)).real > 0).sum())
+
+
+def test_an_index_is_told_beside_the_directions_of_several_curves():
+    curve = trace_curve(Triangle(), np.zeros(2), -1.0, (-1.0, 1.0))
+    (event,) = curve.events
+    assert (event.kind, event.before, event.after) == ("index change", 0, 2)
+    assert curve.branch_points == [event]
+    angles = sorted(np.degrees(np.arctan2(u[1] * -np.sign(a), u[0] * -np.sign(a))) for u, a in event.tangents[1:])
+    assert angles == pytest.approx([-120.0, 0.0, 120.0], abs=0.2)
 
 
 @pytest.mark.parametrize("start", [1.9, 2.2, 2.5])
