@@ -22,7 +22,6 @@ from contbranch.continuation.metric import ROUNDING, Metric
 from contbranch.continuation.newton import (
     CORRECTIONS,
     CorrectionError,
-    Soft,
     border,
     differenced,
     jacobian_rounding,
@@ -138,8 +137,11 @@ def _kinked(segment: Segment, ahead: Bordered) -> bool:
     off = solve(ahead, residual(problem, x, p), 0.0, p)
     if metric.norm(problem, *off) <= near:
         return False
-    soft = Soft(problem, ahead, linearise(problem, x, p), (x, p), metric)
-    return metric.norm(problem, *soft.split(*off)[1]) > near
+    # What rounding of F makes of a point where the matrix is soft is no distance from the curve.
+    rounding = ROUNDING * residual_terms(linearise(problem, x, p), x, p) * np.cos(1.0 + np.arange(x.size) ** 2 % 7919)
+    soft = solve(ahead, rounding, 0.0, p)
+    share = metric.dot(problem, *off, *soft) / metric.dot(problem, *soft, *soft)
+    return metric.norm(problem, off[0] - share * soft[0], off[1] - share * soft[1]) > near
 
 
 def _singular(segment: Segment, ahead: Bordered) -> list[float]:

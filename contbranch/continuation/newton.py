@@ -38,10 +38,6 @@ KEPT_SHARE = 1e-2
 # Last correction above which the matrix before it does not tell the sign of the determinant behind it: what is soft in
 # other directions than that of the correction, as where a symmetry is about to be lost, changes by many times as much.
 SIGN_DISTANCE = 1e-7
-# Corrections in the softest direction that tell nothing, in units of what rounding of F makes of a point there.
-SOFT_ROUNDINGS = 30.0
-# ... and that is longer than this (in the metric): less does not turn a step.
-SOFT_LENGTH = 1e-6
 # Most corrections of a predicted point, of a start, and of a tangent.
 CORRECTIONS, START_CORRECTIONS, TANGENT_CORRECTIONS = 10, 50, 8
 # A start is a solution if no component of its residual is larger than this multiple of rounding, ...
@@ -181,7 +177,6 @@ def correct(
     share = 1.0 if precise else KEPT_SHARE
     trusted = 1.0  # contraction from which on a matrix is kept
     at: Linearisation | None = None
-    soft: Soft | None = None
     for iteration in range(1, CORRECTIONS + 1):
         if kept and bordered is not None:
             left = residual(problem, x, p)
@@ -190,13 +185,6 @@ def correct(
             left, bordered = at.residual, border(problem, x, p, at, row)
             keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
         dx, dp = solve(bordered, -left, 0.0, p)
-        if at is not None and soft is None:
-            soft = Soft(problem, bordered, at, (x, p), metric)
-        uncertainty = 0.0
-        if soft is not None and soft.length > SOFT_LENGTH:
-            multiple, rest = soft.split(dx, dp)
-            if abs(multiple) <= SOFT_ROUNDINGS or metric.norm(problem, *rest) > close:
-                (dx, dp), uncertainty = rest, soft.length
         size = metric.norm(problem, dx, dp)
         grows = iteration == 2 and tolerance < size < SMALL_CORRECTION  # if at all: what is soft
         stalls = iteration > 1 and size > STALL_RATIO * previous
@@ -233,32 +221,10 @@ def correct(
             if kept or problem.delicate:
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
-            return Corrected(x, p, u, a, bordered, first, worst, size if rounded else uncertainty)
+            return Corrected(x, p, u, a, bordered, first, worst, size if rounded else 0.0)
         previous = size
         kept = keeps and size < SMALL_CORRECTION and (grows or contraction < (STALL_RATIO if kept else trusted))
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
-
-
-class Soft:
-    """What rounding of F makes of a point: a direction, in which the matrix is softest, and a length.
-
-    A correction along it by no more than a few such lengths tells nothing, and a longer one only where the others have
-    been made.
-    """
-
-    def __init__(
-        self, problem: Problem, bordered: Bordered, at: Linearisation, where: tuple[Array, float], metric: Metric
-    ) -> None:
-        self.problem, self.metric, (x, p) = problem, metric, where
-        rounding = ROUNDING * residual_terms(at, x, p) * np.cos(1.0 + np.arange(x.size) ** 2 % 7919)
-        self.direction = solve(bordered, rounding, 0.0, p)
-        self.length = metric.norm(problem, *self.direction)
-
-    def split(self, u: Array, a: float) -> tuple[float, Direction]:
-        """Return the part of a correction along the direction, in lengths, and the rest of it."""
-        v, b = self.direction
-        multiple = self.metric.dot(self.problem, u, a, v, b) / self.length**2 if self.length > 0.0 else 0.0
-        return multiple, (u - multiple * v, a - multiple * b)
 
 
 def _multiplies(problem: Problem, bordered: Bordered | None) -> bool:

@@ -18,7 +18,7 @@ from contbranch.curve.events import Balanced, FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
 from contbranch.curve.problem import equilibrium, rates_of, valued
-from contbranch.curve.refine import Found, at_parameter, by_defect, moved, refine, settled
+from contbranch.curve.refine import Found, at_parameter, by_defect, moved, numbers, refine, settled
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
 from contbranch.curve.track import Mark, Track
@@ -100,13 +100,26 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
 
 
 def _placed(track: Track, found: Sequence[Found]) -> Track:
-    """The track with its events as rows: as they were traced, they are those of other discretisations."""
+    """The track with its events as rows: as they were traced, they are those of other discretisations.
+
+    Far away these may differ by more than a step; then the rows stay in their order as they are.
+    """
     points = list(track.points)
     for mark, one in zip(track.marks, found, strict=False):
+        near = track.points[max(mark.row - 1, 0) : mark.row + 2]
         corner = mark.kind == "fold" and mark.row in track.onward
-        if one.point is not mark.point and not corner:
-            points[mark.row] = valued(one.point)
+        if one.point is mark.point or corner:
+            continue
+        placed = valued(one.point)
+        if mark.kind != "fold" or (_leads(near[0], near[0], placed) and _leads(near[-1], placed, near[-1])):
+            points[mark.row] = placed
     return replace(track, points=tuple(points))
+
+
+def _leads(along: Point, begin: Point, end: Point) -> bool:
+    """Whether one state is ahead of another in the direction in which the curve passes a row."""
+    pairs = zip(rates_of(along), numbers(begin), numbers(end), strict=True)
+    return sum(rate * (b - a) / max(1.0, abs(a), abs(b)) ** 2 for rate, a, b in pairs) >= 0.0
 
 
 def _on_nodes(track: Track) -> dict[str, Any]:
