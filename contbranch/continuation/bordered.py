@@ -285,9 +285,9 @@ def _sparse(matrix: Any) -> bool:
 
 
 def as_matrix(jacobian: Any) -> Any:
-    """Return a Jacobian as a matrix that can be transposed; an operator shows its columns."""
+    """Return a Jacobian as a matrix, dense or sparse by columns; an operator shows its columns."""
     if _sparse(jacobian):
-        return jacobian
+        return scipy.sparse.csc_array(jacobian)
     if hasattr(jacobian, "matvec"):  # column by column: a user's function may take vectors alone
         return np.column_stack([jacobian.matvec(column) for column in np.eye(jacobian.shape[0])])
     return np.asarray(jacobian, dtype=float)

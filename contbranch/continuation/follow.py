@@ -20,7 +20,15 @@ from contbranch.continuation.problem import UnresolvedError, size_of
 from contbranch.continuation.scan import scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.stability import HopfEvent, Spectrum, with_stability
-from contbranch.continuation.step import AFTER_FAILURE, CONTRACTS, MARGIN, POINTS, RECOVERS, Predictor, judge
+from contbranch.continuation.step import (
+    AFTER_FAILURE,
+    FAILED_ERROR_SHARE,
+    FORETOLD_CONTRACTION,
+    POINTS,
+    RECOVERY_FACTOR,
+    Predictor,
+    judge,
+)
 from contbranch.continuation.walk import adapted, annotated, examined, to_point, unit_tangent
 from contbranch.errors import InputError
 from contbranch.watch import INTERRUPTIONS, LATE, Interruption, Watch, caught, watched
@@ -185,9 +193,13 @@ class _Direction:
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
                 judgement = judge(here, end, corrected, metric, options)
                 constants = predictor.constants(step, foretold, end)
-                before = MARGIN * predictor.error(missed, constants, self.count) if missed else RECOVERS * self.reach
+                before = (
+                    FAILED_ERROR_SHARE * predictor.error(missed, constants, self.count)
+                    if missed
+                    else RECOVERY_FACTOR * self.reach
+                )
                 told = corrected.contraction  # nothing, where Newton's method had next to nothing to do
-                self.reach = min(before, corrected.first_correction * CONTRACTS / told if told else math.inf)
+                self.reach = min(before, corrected.first_correction * FORETOLD_CONTRACTION / told if told else math.inf)
                 longest, self.count = predictor.longest(step, constants, growth, self.reach)
                 if judgement.accepted:
                     segment, happenings, stop = self._look_inside(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 Sample = tuple[float, float]
 
 # A position is good enough if the secant's estimate of its error is by this factor.
-MARGIN = 4.0
+SECANT_SAFETY = 4.0
 # Where the bracket is so narrow, as a share of the first, and values so small, of those at its ends, a value that is
 # larger than one farther from the zero by such a factor is noise; after so many the zero cannot be told any better.
 NARROW, SMALL, LARGER, ROUGH = 1e-3, 0.1, 1.25, 2
@@ -59,7 +59,7 @@ def find_root(
         x = a + t * (b - a)
         fx = function(x)
         # By the secant's slope, which may be several times the one at the zero.
-        if fx != fa and MARGIN * abs(fx * (x - a) / (fx - fa)) <= tolerance + relative * abs(x):
+        if fx != fa and SECANT_SAFETY * abs(fx * (x - a) / (fx - fa)) <= tolerance + relative * abs(x):
             return x
         same = (fx > 0) == (fa > 0)
         rough += abs(b - a) < narrow and LARGER * abs(fa if same else fb) < abs(fx) < small

@@ -15,7 +15,7 @@ ROUNDING = float(np.finfo(float).eps)
 # many magnitudes, and is long enough that a fold, where the parameter rests for a few steps, does not upset it.
 MEMORY = 0.9
 # A scale never falls below this share of the whole path, lest a coordinate that has come to rest is blown up.
-FLOOR = 0.01
+LEAST_SCALE_SHARE = 0.01
 # A path shorter than this multiple of its coordinate's rounding sets no scale, lest rounding turn the curve.
 SCALE_IN_ROUNDINGS = 1e6
 
@@ -99,8 +99,8 @@ class Balance:
         parameter_total = self.parameter_total + parameter_change
         return replace(
             self,
-            state=max(MEMORY * self.state + state_change, FLOOR * state_total),
-            parameter=max(MEMORY * self.parameter + parameter_change, FLOOR * parameter_total),
+            state=max(MEMORY * self.state + state_change, LEAST_SCALE_SHARE * state_total),
+            parameter=max(MEMORY * self.parameter + parameter_change, LEAST_SCALE_SHARE * parameter_total),
             state_total=state_total,
             parameter_total=parameter_total,
         )

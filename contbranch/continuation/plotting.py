@@ -18,7 +18,7 @@ from contbranch.continuation.segment import segment_between
 Quantity = str | int | Callable[[Array, float], float]
 
 # Pieces in which the cubic between two points is drawn.
-PIECES = 16
+DRAWN_PIECES = 16
 MARKERS = {"fold": "ko", "branch point": "ks", "hopf": "k^"}
 
 
@@ -63,7 +63,7 @@ def _between(begin: Point, end: Point, straight: bool) -> list[Point]:
     if straight or begin.x.size != end.x.size:
         return [begin, end]
     at = segment_between(begin, end).at
-    inside = [replace(begin, x=x, parameter=p) for x, p in map(at, np.arange(1, PIECES) / PIECES)]
+    inside = [replace(begin, x=x, parameter=p) for x, p in map(at, np.arange(1, DRAWN_PIECES) / DRAWN_PIECES)]
     return [begin, *inside, end]
 
 

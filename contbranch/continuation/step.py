@@ -65,7 +65,7 @@ POINTS = 3
 # An older point is left out where the cosine between its tangent and the present one is below this.
 STEEPEST = 0.4
 # Error of a prediction, as a share of the step, that is aimed at: Newton's method then takes three or four iterations.
-AIM = 0.1
+PREDICTION_ERROR_SHARE = 0.1
 # What a step is at least multiplied by.
 SHORTEST = 0.2
 
@@ -150,7 +150,7 @@ class Predictor:
             places = [0.0, *(place - s for place in self.places)][:count]
             factor = growth
             while factor > SHORTEST and constant * math.prod((factor * s - b) ** 2 for b in places) > min(
-                AIM * factor * s, largest
+                PREDICTION_ERROR_SHARE * factor * s, largest
             ):
                 factor *= 0.9
             best = max(best, (factor, count))
@@ -158,7 +158,7 @@ class Predictor:
 
 
 # ... and at most what the one of a step foretells, which is proportional to the error of the prediction.
-CONTRACTS = 0.3
+FORETOLD_CONTRACTION = 0.3
 # Newton's contraction that the step control aims at: a few digits more with every iteration (P. Deuflhard, Newton
 # Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8).
 CONTRACTION = 0.1
@@ -166,7 +166,7 @@ CONTRACTION = 0.1
 AFTER_FAILURE = 0.5
 # Share of the error of a prediction at which Newton's method has failed that the next ones aim at, and the factor by
 # which that grows from step to step.
-MARGIN, RECOVERS = 0.5, 1.3
+FAILED_ERROR_SHARE, RECOVERY_FACTOR = 0.5, 1.3
 
 
 @dataclass(frozen=True, slots=True)

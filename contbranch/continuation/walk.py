@@ -88,7 +88,7 @@ def _normal(problem: Problem, direction: Direction, metric: Metric) -> Direction
 
 
 # Shares of a segment by which points lie aside that stand in for one in a place where rounding hides the curve.
-BESIDE = 0.01
+STAND_IN_SHARE = 0.01
 
 
 class Across:
@@ -115,7 +115,7 @@ class Across:
             if failure is not None:
                 raise failure
             return point
-        (begin, before), (end, behind) = (self._corrected(theta + by) for by in (-BESIDE, BESIDE))
+        (begin, before), (end, behind) = (self._corrected(theta + by) for by in (-STAND_IN_SHARE, STAND_IN_SHARE))
         if max(before, behind) > uncertainty:
             return point
         around = Segment(begin, end, metric)

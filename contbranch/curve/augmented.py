@@ -30,10 +30,10 @@ from contbranch.errors import ModelError
 __all__ = ["Condition", "EventProblem", "augmented"]
 
 # Differences along the curve of equilibria are taken over lengths of w itself, but not below this one.
-LEAST_LENGTH = 1e-2
+LEAST_ROOT = 1e-2
 # The parameter itself is the border where the tangent has at least this component of it; contacts that are all but none
 # have no other direction along which states change evenly with w.
-UPRIGHT = 1e-3
+UPRIGHT_SHARE = 1e-3
 # States are measured in units of the one at the start, or of this share of the interaction's range.
 LEAST_SIZE = 1e-2
 # This far beyond an edge of the parameter is rounding.
@@ -121,9 +121,9 @@ class EventProblem(Augmented, EquilibriumProblem):
     ) -> None:
         self.what, self.base, self.unit = what, base, unit
         self.scale, self.work = base.scale, base.work
-        family, upright = what.family, abs(reference[-1]) > UPRIGHT * math.sqrt(self.inner(reference, reference))
+        family, upright = what.family, abs(reference[-1]) > UPRIGHT_SHARE * math.sqrt(self.inner(reference, reference))
         if upright:
-            self.aligned = 0.5 * UPRIGHT
+            self.aligned = 0.5 * UPRIGHT_SHARE
             reference = np.append(np.zeros(reference.size - 1), reference[-1])
 
         def at(q: float) -> EquilibriumProblem:
@@ -202,7 +202,7 @@ class EventProblem(Augmented, EquilibriumProblem):
 
     def length(self, z: Array, point: Point) -> float:
         """W itself, as far as that is not too short."""
-        return min(1.0, max(abs(float(z[-1])), LEAST_LENGTH))
+        return min(1.0, max(abs(float(z[-1])), LEAST_ROOT))
 
     def inner(self, u: Array, v: Array) -> float:
         """Of the states in units of a typical one, plus the product of the last components."""

@@ -29,7 +29,7 @@ __all__ = ["EventCurve"]
 # Beside first touch a curve starts at this w, and one that comes to half of it has come to it. Where first touch is not
 # found from there it is sought from closer places, by this factor, of which the other side is left from so many; what
 # is even closer than the last one without coming to it is followed to there: onsets become continuous like that.
-BESIDE, CLOSER, STARTS, CLOSEST = 0.06, 0.3, 4, 1e-8
+TOUCH_ROOTS, CLOSER, STARTS, CLOSEST = 0.06, 0.3, 4, 1e-8
 # A curve passes first touch no more often than this.
 PASSAGES = 8
 # Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
@@ -194,7 +194,7 @@ class EventCurve:
 
     def _onward(self, start: Point) -> tuple[list[Point], End]:
         """The curve from a point along its tangent, through first touch as often as it comes there, and how it ends."""
-        points, end = self._piece(start, min(BESIDE, abs(float(start.x[-1]))))
+        points, end = self._piece(start, min(TOUCH_ROOTS, abs(float(start.x[-1]))))
         for _ in range(PASSAGES):
             if end.outcome is not Outcome.STOPPED_AT_EVENT or points[-1].label != "touch":
                 break
@@ -262,7 +262,7 @@ class EventCurve:
                     raise CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
                 points.append(replace(touch, label="touch"))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
-        for door, beside in itertools.product(doors, [BESIDE * CLOSER**k for k in range(STARTS)]):
+        for door, beside in itertools.product(doors, [TOUCH_ROOTS * CLOSER**k for k in range(STARTS)]):
             rate = door.tangent_x / door.tangent_parameter
             other = problem.on(np.append(rate, 1.0), equilibrium(door))
             inward = 1.0 if edge == other.base.parameter_range[0] else -1.0

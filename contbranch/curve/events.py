@@ -22,9 +22,8 @@ __all__ = ["NEGATIVE", "Balanced", "Ceiling", "FoldEvent", "Folds", "Margin", "R
 SHORTEST_PART = 2.0**-12
 # Width, relative to its place in the step, to which a fold is located.
 ROUNDOFF = 4.0 * float(np.finfo(float).eps)
-# Newton steps by which the end of a trace is approached, and the share of the last step at which it is reached; where
-# that was passed long ago, a curve ends where another step would raise what is controlled by this share: not at a fold.
-APPROACHES, CLOSE, RISES = 6, 1e-6, 1e-3
+# Where its target was passed long ago, a curve ends where another step would raise what is controlled by this share.
+RISES = 1e-3
 # Margins may be below zero by less than this: a piece may begin a little before its layout is right.
 NEGATIVE = 2e-3
 # A rate that is zero, with a sign.

@@ -27,7 +27,7 @@ __all__ = ["HeldProblem", "disconnected"]
 # Rows from which the search starts in each representation.
 ROWS = 6
 # States closer than this, relative to max(1, |value|), and this multiple of their errors are one.
-SAME, APART = 1e-5, 3.0
+SAME_STATE, APART = 1e-5, 3.0
 
 
 class HeldProblem(Problem):
@@ -160,4 +160,4 @@ def _admissible(problem: EquilibriumProblem, x: Array, p: float) -> bool:
 def _same(one: Found, other: Found) -> bool:
     """Whether two states are one, as far as their errors tell."""
     pairs = zip(one.numbers, other.numbers, one.error, other.error, strict=True)
-    return all(abs(a - b) <= SAME * max(1.0, abs(a)) + APART * (c + d) for a, b, c, d in pairs)
+    return all(abs(a - b) <= SAME_STATE * max(1.0, abs(a)) + APART * (c + d) for a, b, c, d in pairs)

@@ -22,12 +22,12 @@ from contbranch.watch import check, kept, over, part, tell, told
 __all__ = ["Regions"]
 
 # An event lies on a followed curve if that passes it as closely as this, relative to max(1, |value|) in reduced units.
-SAME = 1e-4
+SAME_EVENT = 1e-4
 LEVELS = 161
 # Distance from a special point at which curves are traced, in that of those traced anyway.
-BESIDE = 0.02
+SPECIAL_DISTANCE = 0.02
 # Room beyond the boundaries, as a share of their extent.
-MARGIN = 0.12
+FRAME_SHARE = 0.12
 
 
 @dataclass
@@ -98,8 +98,8 @@ class Regions:
         places = places[(places > known.min()) & (places < known.max())]
         apart = np.ptp(known) / (known.size - 1)
         found: list[float] = []
-        for place in sorted(p + side * BESIDE * apart for p in places for side in (-1.0, 1.0)):
-            if min(abs(place - other) for other in (*known, *found)) > 0.5 * BESIDE * apart:
+        for place in sorted(p + side * SPECIAL_DISTANCE * apart for p in places for side in (-1.0, 1.0)):
+            if min(abs(place - other) for other in (*known, *found)) > 0.5 * SPECIAL_DISTANCE * apart:
                 found.append(place)
         return [self.family.value(place) for place in found]
 
@@ -136,7 +136,7 @@ class Regions:
         found = found or [end for row in self.parts for part in row for end in (part.start, part.stop)]
         finite = [value for value in found if math.isfinite(value)] or [0.0]
         low, high = min(finite), max(finite)
-        room = MARGIN * ((high - low) or max(1.0, abs(high)))
+        room = FRAME_SHARE * ((high - low) or max(1.0, abs(high)))
         return np.linspace(low - room, high + room, LEVELS)
 
 
@@ -187,6 +187,6 @@ def _met(boundary: Followed, events: Sequence[Event], value: float, member: Cont
     alike = [k for k, event in enumerate(events) if event.kind == boundary.event.kind]
     found: dict[int, int] = {}  # of a point, its event
     for distance, i, k in sorted((apart(events[k], point), i, k) for i, point in enumerate(points) for k in alike):
-        if distance <= SAME and i not in found and k not in found.values():
+        if distance <= SAME_EVENT and i not in found and k not in found.values():
             found[i] = k
     return list(found.values())

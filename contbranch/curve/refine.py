@@ -26,11 +26,9 @@ OPTIONS = Options(tolerance=1e-13, patience=5)
 # The finer discretisation has an error of its own, and its event is found to first order only.
 SAFETY = 3.0
 # Least error estimate as a share of the accuracy: both discretisations may happen to agree.
-FLOOR = 0.003
-# An event this close (in the parameter, relative to its distance from an edge) needs no further iteration.
-CLOSE = 1e-4
+LEAST_ERROR_SHARE = 0.003
 # Discretisations for an event aim at this part of the accuracy, since position adds its own error, in so many rounds.
-AIM, ROUNDS_OF_AIM = 0.25, 3
+RESOLVING_SHARE, RESOLVING_ROUNDS = 0.25, 3
 # Times that a discretisation is replaced by its finer one, and the number of unknowns at which that ends.
 ROUNDS, LARGEST = 7, 2200
 # A finer one that leaves more than this share of the error has not helped.
@@ -38,7 +36,7 @@ GAIN = 0.3
 # Where higher order does not help, panels are halved for this share of the error wanted, in the end all.
 HALVED_SHARES = 1.0, 0.1, 0.0
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
-UPRIGHT = 0.3
+UPRIGHT_COSINE = 0.3
 # Secant steps towards an event, and the longest of them, in units of the line.
 ITERATIONS, LONGEST = 14, 0.2
 # First secant step, in units of the line; where the curve is not found a longer one is shortened by the second factor.
@@ -106,7 +104,7 @@ def upright(point: Point) -> bool:
     """Whether the parameter is a good coordinate along the curve here."""
     metric = equilibrium(point).metric(point.x)
     size = metric.norm(point.problem, point.tangent_x, point.tangent_parameter)
-    return abs(point.tangent_parameter) > UPRIGHT * size * metric.parameter_scale
+    return abs(point.tangent_parameter) > UPRIGHT_COSINE * size * metric.parameter_scale
 
 
 def _measured(point: Point) -> Point:
@@ -325,8 +323,8 @@ def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Pla
         yield place
     aimed = point
     try:
-        for _ in range(ROUNDS_OF_AIM):
-            problem = equilibrium(aimed).resolving(aimed, AIM * accuracy)
+        for _ in range(RESOLVING_ROUNDS):
+            problem = equilibrium(aimed).resolving(aimed, RESOLVING_SHARE * accuracy)
             if problem is aimed.problem:
                 break
             carried = moved(aimed, problem)
@@ -373,7 +371,9 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
             share = next(shares, None)
             if share is None:  # what is left is rounding
                 break
-            place = _located(_carried(place, problem.halved(place.point, share * AIM * accuracy / error), event), event)
+            place = _located(
+                _carried(place, problem.halved(place.point, share * RESOLVING_SHARE * accuracy / error), event), event
+            )
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
         return best or by_defect(place.point, event)
@@ -384,7 +384,7 @@ def _compared(place: _Place, finer: _Place, accuracy: float) -> Found:
     """The event with error estimates, by that on a finer discretisation, if there is one."""
     point, other, here, there = place.point, finer.point, numbers(place.point), numbers(finer.point)
     problem, moves = equilibrium(point), rates_of(point)
-    floor = problem.rounding + (FLOOR * accuracy if other.problem is not problem else 0.0)
+    floor = problem.rounding + (LEAST_ERROR_SHARE * accuracy if other.problem is not problem else 0.0)
     uncertainty = max(place.uncertainty, finer.uncertainty)
     left_out = problem.left_out(point.x, point.parameter)
 

@@ -47,7 +47,7 @@ FINE = 1e-8
 POWERS = np.array([[1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
 UNITS = (1.0 + np.eye(3)).tolist()
 # A parameter that follows from the others has at least this share in what it follows from.
-SHARE = 0.1
+INDEPENDENT_SHARE = 0.1
 
 
 class Sensitivities:
@@ -145,7 +145,7 @@ def _implied(powers: Mapping[str, Array]) -> list[str]:
     found: dict[str, Array] = {}
     for name, row in powers.items():
         left = row - sum(((row @ one) * one for one in found.values()), np.zeros_like(row))
-        if (size := float(np.linalg.norm(left))) > SHARE:
+        if (size := float(np.linalg.norm(left))) > INDEPENDENT_SHARE:
             found[name] = left / size
     return list(found)
 

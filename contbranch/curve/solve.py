@@ -24,7 +24,7 @@ __all__ = ["CONTROLS", "Crossing", "before", "crossing", "crossings", "pieces_at
 # What may be asked for; a contact radius is no control.
 CONTROLS: Mapping[str, Control | None] = {"load": LOAD, "displacement": DISPLACEMENT, "contact_radius": None}
 # The finer discretisation that an energy is compared with has an error of its own; sums of energies round.
-SAFETY, ROUNDING = 3.0, 2.5
+SAFETY, ENERGY_ROUNDINGS = 3.0, 2.5
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ def energy_at(found: Found) -> tuple[float, float]:
     point = found.point
     problem = equilibrium(point)
     here = values_of(point)
-    rounding = ROUNDING * problem.rounding * max(1.0, abs(here.energy))
+    rounding = ENERGY_ROUNDINGS * problem.rounding * max(1.0, abs(here.energy))
     finer = problem.compared()
     if finer is problem:
         return here.energy, rounding

@@ -29,7 +29,7 @@ __all__ = ["Request", "follow_from", "trace"]
 # A trace ends at this multiple of the largest load of any event, and not below the least load (reduced).
 END_FACTOR, LEAST_END = 1.4, 10.0
 # Changes of the problem after which a trace gives up.
-PIECES = 80
+MOST_PROBLEMS = 80
 # Share of the first step that is taken where that leads to the end of the curve at once.
 SHORTER = 1e-3
 EDGE = "edge"
@@ -167,7 +167,7 @@ class _Tracing:
         if self.begins:
             self.rows[0].mark("end", margin=EDGE, name=self.begins)
         joint = Succession("", start, (start,))
-        for _ in range(PIECES):
+        for _ in range(MOST_PROBLEMS):
             following = self._piece(joint)
             if following is None:
                 return
