@@ -13,11 +13,12 @@ import numpy as np
 from contbranch.arrays import Array, Integers
 from contbranch.contact.units import COARSEST
 from contbranch.continuation import CorrectionError, Event, Point
+from contbranch.continuation.walk import annotated
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.events import Balanced, FoldEvent, Margin, Reached
 from contbranch.curve.exponents import critical_exponent, sampled_exponent
 from contbranch.curve.outcome import RawCurve, RawEvent, no_curve
-from contbranch.curve.problem import equilibrium, rates_of, valued
+from contbranch.curve.problem import equilibrium, rates_of
 from contbranch.curve.refine import Found, at_parameter, by_defect, moved, numbers, refine, settled
 from contbranch.curve.symmetry import Breaking, critical_eigenvalues, has_modes, merged, symmetry_breaking
 from contbranch.curve.trace import Request
@@ -106,11 +107,11 @@ def _placed(track: Track, found: Sequence[Found]) -> Track:
     """
     points = list(track.points)
     for mark, one in zip(track.marks, found, strict=False):
-        near = track.points[max(mark.row - 1, 0) : mark.row + 2]
+        near, row = track.points[max(mark.row - 1, 0) : mark.row + 2], track.points[mark.row]
         corner = mark.kind == "fold" and mark.row in track.onward
-        if one.point is mark.point or corner:
+        if corner or (one.point.problem is row.problem and np.array_equal(one.point.x, row.x)):
             continue
-        placed = valued(one.point)
+        placed = annotated(one.point)
         if mark.kind != "fold" or (_leads(near[0], near[0], placed) and _leads(near[-1], placed, near[-1])):
             points[mark.row] = placed
     return replace(track, points=tuple(points))
