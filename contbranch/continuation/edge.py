@@ -76,7 +76,7 @@ class Escape:
             self.resolution = max(self.resolution, 1e2 * ROUNDING * self.width)
         if not abs(point.parameter - self.parameter) <= self.resolution:
             self.parameter, self.size = point.parameter, max(size, balance.state)
-        self.growth, self.last = size / self.size, point.parameter
+        self.growth, self.last = size / self.size if self.size > 0.0 else 1.0, point.parameter
         return self._end if self.growth > ESCAPE_GROWTH else None
 
     def explained(self, end: End) -> End:

@@ -188,7 +188,7 @@ def correct(
         size = metric.norm(problem, dx, dp)
         grows = iteration == 2 and tolerance < size < SMALL_CORRECTION  # if at all: what is soft
         stalls = iteration > 1 and size > STALL_RATIO * previous
-        rounded = stalls and size > tolerance and is_rounding(left, at or linearise(problem, x, p), x, p, options.noise)
+        rounded = stalls and size > tolerance and is_rounding(left, at or linearise(problem, x, p), x, p, Options.noise)
         if kept and size > max(min(previous, SMALL_CORRECTION), tolerance) and not (grows or rounded):
             kept, trusted = False, STALL_RATIO  # not taken: it leads away, or from too far
             continue
@@ -203,6 +203,7 @@ def correct(
             # The next correction, by the matrix kept or by its own.
             left_over = contraction * size / share if kept else contraction**2 * size
             done = rounded or ((kept or size <= close) and left_over <= tolerance)
+            done |= stalls and not kept and size <= options.noise * rounding
             # Where the matrix is soft, corrections are rounding while the residual falls as it should.
             again, slow = slow or size > SMALL_CORRECTION, contraction > 0.5 and not kept and height > 0.5 * highest
             if not done and ((slow and again and iteration > options.patience) or not math.isfinite(size)):

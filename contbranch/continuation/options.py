@@ -36,8 +36,8 @@ class Options:
     tolerance : float
         Error allowed in the corrected points, relative to the recent path.
     noise : float
-        Where Newton's corrections no longer contract, a residual below this multiple of what rounding of x and p makes
-        of it is zero: larger for problems whose own numbers are larger.
+        Where Newton's corrections no longer contract, those below this multiple of rounding, relative to the state, are
+        taken for rounding: larger for ill-conditioned problems.
     patience : int
         First Newton corrections that need not contract: for points on which more depends than the length of a step.
     maximum_points : int

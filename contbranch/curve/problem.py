@@ -52,6 +52,7 @@ STEPS = Options(
     angle=0.3,
     angle_limit=0.8,
     tolerance=1e-9,
+    noise=1e5,
     first_step=0.05,
     detect_folds=False,
     detect_branch_points=False,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -22,7 +22,7 @@ __all__ = [
     "upright",
 ]  # fmt: skip
 
-OPTIONS = Options(tolerance=1e-13, patience=5)
+OPTIONS = Options(tolerance=1e-13, noise=1e8, patience=5)
 # The finer discretisation has an error of its own, and its event is found to first order only.
 SAFETY = 3.0
 # Least error estimate as a share of the accuracy: both discretisations may happen to agree.
@@ -340,8 +340,8 @@ def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Pla
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     """The event on a discretisation and ever finer ones, until the estimate satisfies; None if not found.
 
-    Where solutions are made of pieces, or higher order has not
-    helped, the comparison is with a discretisation that has other edges: two of the same edges may agree by chance.
+    Where solutions are made of pieces, or higher order has not helped, the comparison is also with a discretisation of
+    other edges: two with the same edges may agree by chance.
     """
     best: Found | None = None
     last, rough, shares = math.inf, False, iter(HALVED_SHARES)
@@ -352,21 +352,21 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     try:
         for _ in range(ROUNDS):
             problem = equilibrium(place.point)
-            other = problem.doubled() if rough or problem.pieced else problem
-            other = problem.finer() if other is problem else other
-            if other is problem:
-                return _compared(place, place, accuracy)
-            fine = _located(_carried(place, other, event), event)
+            others = [problem.finer(), *([problem.doubled()] if rough or problem.pieced else [])]
+            others = [other for other in others if other is not problem]
+            fine = [_located(_carried(place, other, event), event) for other in others]
             found = _compared(place, fine, accuracy)
+            if not fine:
+                return found
             error = found.relative_error()
             if best is None or error < best.relative_error():
                 best = found
-            if error <= accuracy or other.size > LARGEST or (not problem.refinable):
+            if error <= accuracy or others[0].size > LARGEST or not problem.refinable:
                 break
             rough |= error > GAIN * last
             last = error
             if not rough:
-                place = fine
+                place = fine[0]
                 continue
             share = next(shares, None)
             if share is None:  # what is left is rounding
@@ -380,24 +380,26 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     return best
 
 
-def _compared(place: _Place, finer: _Place, accuracy: float) -> Found:
-    """The event with error estimates, by that on a finer discretisation, if there is one."""
-    point, other, here, there = place.point, finer.point, numbers(place.point), numbers(finer.point)
+def _compared(place: _Place, finer: Sequence[_Place], accuracy: float) -> Found:
+    """The event with error estimates, by those on finer discretisations, if there are any."""
+    point, here, there = place.point, numbers(place.point), [numbers(one.point) for one in finer]
     problem, moves = equilibrium(point), rates_of(point)
-    floor = problem.rounding + (LEAST_ERROR_SHARE * accuracy if other.problem is not problem else 0.0)
-    uncertainty = max(place.uncertainty, finer.uncertainty)
-    left_out = problem.left_out(point.x, point.parameter)
+    floor = problem.rounding + (LEAST_ERROR_SHARE * accuracy if finer else 0.0)
+    uncertainty = max(one.uncertainty for one in (place, *finer))
+    off = np.max([np.abs(np.subtract(here, other)) for other in there], axis=0, initial=0.0)
 
-    def error(a: float, b: float, rate: float, besides: float = 0.0) -> float:
+    def error(a: float, off: float, rate: float, besides: float = 0.0) -> float:
         unsettled = 2 * abs(rate) * uncertainty if uncertainty else 0.0  # what rounding leaves open
-        return SAFETY * abs(a - b) + floor * max(1.0, abs(a)) + unsettled + besides
+        return SAFETY * off + floor * max(1.0, abs(a)) + unsettled + besides
 
+    left_out = problem.left_out(point.x, point.parameter)
     load, displacement, radius, gap = (
         # What is zero by its nature has no error: the radius without contact, the gap in contact, the load far away.
-        0.0 if a == b == 0.0 else error(a, b, rate, besides)
-        for a, b, rate, besides in zip(here, there, moves, left_out, strict=True)
+        0.0 if a == change == 0.0 else error(a, float(change), rate, besides)
+        for a, change, rate, besides in zip(here, off, moves, left_out, strict=True)
     )
-    parameter = error(point.parameter, other.parameter, point.tangent_parameter)
+    missed = max((abs(point.parameter - one.point.parameter) for one in finer), default=0.0)
+    parameter = error(point.parameter, missed, point.tangent_parameter)
     return Found(here, (load, displacement, radius, gap), point, parameter)
 
 
