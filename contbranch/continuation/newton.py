@@ -188,7 +188,8 @@ def correct(
         size = metric.norm(problem, dx, dp)
         grows = iteration == 2 and tolerance < size < SMALL_CORRECTION  # if at all: what is soft
         stalls = iteration > 1 and size > STALL_RATIO * previous
-        rounded = stalls and size > tolerance and is_rounding(left, at or linearise(problem, x, p), x, p, Options.noise)
+        rests = stalls and size > tolerance and float(np.abs(left).max()) > 0.5 * height  # the residual, too
+        rounded = rests and is_rounding(left, at or linearise(problem, x, p), x, p, Options.noise)
         if kept and size > max(min(previous, SMALL_CORRECTION), tolerance) and not (grows or rounded):
             kept, trusted = False, STALL_RATIO  # not taken: it leads away, or from too far
             continue
