@@ -96,12 +96,11 @@ def test_a_curve_that_is_lost_is_followed_again_at_a_hundredth_of_the_accuracy()
         assert abs(one.displacement - other.displacement) <= one.error["displacement"] + other.error["displacement"]
 
 
-def test_a_curve_whose_events_are_in_doubt_is_followed_again():
-    """A law with a kink, at whose first rows the index is not what folds say at 1e-4: events against those at 1e-8."""
+def test_events_of_a_law_with_a_kink_are_those_of_a_finer_trace():
+    """A law with a kink, to which the first rows of a curve followed to 1e-4 are blind."""
     drawn = random_contacts.draw(9904, 15)
     diagram, finer = (cb.trace(drawn.contact, **{**drawn.asked, "accuracy": accuracy}) for accuracy in (1e-4, 1e-8))
     assert (diagram.status, finer.status) == ("complete", "complete")
-    assert "in doubt at this accuracy, but not at 1e-06" in diagram.message
     for one, other in zip(diagram.events, finer.events, strict=True):
         assert (one.kind, one.control) == (other.kind, other.control)
         assert abs(one.load - other.load) <= one.error["load"] + other.error["load"]
@@ -205,7 +204,7 @@ def test_meshes_may_agree_by_chance_where_a_law_or_tip_of_the_users_is_not_smoot
     finer = cb.trace(contact, accuracy=fine, modes=0)
     for accuracy in accuracies:
         diagram = cb.trace(contact, accuracy=accuracy, modes=0)
-        assert diagram.status == "complete"
+        assert diagram.status == "complete" or (accuracy < 1e-8 and "times the accuracy asked" in diagram.message)
         for one, other in zip(diagram.events[:-1], finer.events[:-1], strict=True):
             assert (one.kind, one.control) == (other.kind, other.control)
             for name in ("load", "displacement"):
