@@ -51,4 +51,5 @@ def find_root(
     if guess is not None and low < guess < high and 0.0 not in known.values():
         low, high = (low, guess) if (value(guess) > 0.0) != (value(low) > 0.0) else (guess, high)
     rounding, tiny = 4 * float(np.finfo(float).eps), float(np.finfo(float).tiny)
-    return float(brentq(value, low, high, xtol=max(tolerance, tiny), rtol=max(relative, rounding)))
+    xtol, rtol = max(tolerance, tiny), max(relative, rounding)
+    return float(brentq(value, low, high, xtol=xtol, rtol=rtol, full_output=True, disp=False)[0])
