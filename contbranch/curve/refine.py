@@ -386,7 +386,7 @@ def _compared(place: _Place, finer: Sequence[_Place], accuracy: float) -> Found:
     problem, moves = equilibrium(point), rates_of(point)
     floor = problem.rounding + (LEAST_ERROR_SHARE * accuracy if finer else 0.0)
     uncertainty = max(one.uncertainty for one in (place, *finer))
-    off = np.max([np.abs(np.subtract(here, other)) for other in there], axis=0, initial=0.0)
+    off = np.max(np.abs(np.subtract([here, *there], here)), axis=0)
 
     def error(a: float, off: float, rate: float, besides: float = 0.0) -> float:
         unsettled = 2 * abs(rate) * uncertainty if uncertainty else 0.0  # what rounding leaves open
