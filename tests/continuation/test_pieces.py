@@ -102,7 +102,7 @@ def test_find_root_leaves_what_noise_hides_and_finds_a_jump():
         return 1e-3 * (s - 0.3) + 1e-8 * math.sin(1e9 * s)
 
     assert find_root(noisy, (0.0, noisy(0.0)), (1.0, noisy(1.0))) == pytest.approx(0.3, abs=3e-5)
-    assert len(places) <= 24
+    assert len(places) <= 16
     for leap in (lambda s: math.copysign(2.0 - s, s - 0.7), lambda s: math.copysign(1e-3 + (s - 0.7) ** 2, s - 0.7)):
         assert find_root(leap, (0.0, leap(0.0)), (1.0, leap(1.0))) == pytest.approx(0.7, abs=1e-14)
 
@@ -195,4 +195,4 @@ def test_a_rough_root_takes_few_evaluations():
 
     root = find_root(function, (0.0, -1.0), (1.0, math.e - 2), 1e-2, guess=0.694)
     assert root == pytest.approx(math.log(2), abs=1e-2)
-    assert len(asked) <= 2
+    assert len(asked) == 1
