@@ -155,7 +155,7 @@ def correct(
     Parameters
     ----------
     bordered : Bordered, optional
-        The matrix of a point close by, with the same row: it is kept where matrices are, see `CONTRACTS`.
+        The matrix of a point close by, with the same row: it is kept where matrices are, see `STALL_RATIO`.
 
     Raises
     ------

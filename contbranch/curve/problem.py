@@ -517,8 +517,8 @@ class EquilibriumProblem(Problem):
         return self.finer()
 
     def doubled(self) -> Self:
-        """The same problem on twice as many panels; itself where that is too large. By default `finer`."""
-        return self.finer()
+        """The same problem on twice as many panels with other edges; itself where that is too large, or unknown."""
+        return self
 
     def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:
         """A state or direction at (x, p) on another discretisation of the same problem; a state is x itself."""

@@ -406,7 +406,7 @@ def _compared(place: _Place, finer: Sequence[_Place], accuracy: float) -> Found:
 def by_defect(point: Point, event: Event | None) -> Found:
     """The point with the error estimates of one Newton step, where a finer discretisation could not be followed.
 
-    Those of an event are unknown unless it has been located.
+    An event that has not been located adds how far away it may be: at most the unit of its coordinate.
     """
     point = _measured(point)
     problem = equilibrium(point)
