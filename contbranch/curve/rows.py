@@ -49,6 +49,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
         events = [event for k, event in enumerate(events) if k not in none]
         events = problem.judged(events, track.points, track.controls)
         placed = _placed(track, found)
+        found = [one for k, one in enumerate(found) if k not in none]
     breaking = Breaking()
     if request.events and request.modes:
         breaking = kept(lambda: symmetry_breaking(track, request), breaking)
@@ -260,7 +261,7 @@ def _event_of(track: Track, mark: Mark) -> Event | None:
     return Margin(mark.margin) if mark.margin and mark.margin != "edge" else None
 
 
-def _pairs_of_rounding(track: Track, found: list[Found], unstable: Mapping[Control, Integers]) -> set[int]:
+def _pairs_of_rounding(track: Track, found: Sequence[Found], unstable: Mapping[Control, Integers]) -> set[int]:
     """Neighbouring folds of one control that no number tells apart, however sharply they are located: they are none.
 
     The Morse indices of the rows between them, `unstable`, are those on both sides.
@@ -271,7 +272,7 @@ def _pairs_of_rounding(track: Track, found: list[Found], unstable: Mapping[Contr
         for k, mark in enumerate(track.marks[: len(found)]):
             if mark.control != control:
                 continue
-            if folds and _coincide(track, found, folds[-1], k):
+            if folds and _coincide(track, (track.marks[folds[-1]], mark), (found[folds[-1]], found[k])):
                 before, rows = folds.pop(), unstable[control]
                 first = track.marks[before].row
                 rows[first : mark.row + 1] = rows[max(first - 1, 0)]
@@ -281,16 +282,16 @@ def _pairs_of_rounding(track: Track, found: list[Found], unstable: Mapping[Contr
     return none
 
 
-def _coincide(track: Track, found: list[Found], *pair: int) -> bool:
+def _coincide(track: Track, marks: Sequence[Mark], pair: Sequence[Found]) -> bool:
     """Whether the errors of two folds leave open that they are one, at the accuracy asked and at the sharpest one."""
-    for sharper in (False, True):
-        for k in pair if sharper else ():
-            found[k] = _located(track, found[k].point, _event_of(track, track.marks[k]), SHARPEST)
-        first, second = (found[k] for k in pair)
-        room = np.add(first.error, second.error)
-        if not (np.abs(np.subtract(first.numbers, second.numbers)) <= np.where(np.isfinite(room), room, 0.0)).all():
-            return False
-    return True
+    return _alike(*pair) and _alike(*(_located(track, mark.point, _event_of(track, mark), SHARPEST) for mark in marks))
+
+
+def _alike(first: Found, second: Found) -> bool:
+    """Whether no number tells two events apart; what is not known tells nothing."""
+    room = np.add(first.error, second.error)
+    apart = np.abs(np.subtract(first.numbers, second.numbers)) > np.where(np.isfinite(room), room, 0.0)
+    return not apart.any()
 
 
 def _event(track: Track, mark: Mark, found: Found) -> RawEvent:
