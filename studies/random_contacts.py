@@ -59,6 +59,8 @@ WORK = 20.0
 VIRIAL, ROWS = 100.0, 1e-6
 # Rows whose fields are looked at.
 LOOKED_AT = 25
+# Largest distance of an event row from the followed curve, relative to max(1, |value|); the work between them is F Δd.
+EVENT_ROW_SHIFT = 1e-3
 # A curve that turns back has an angle between two chords whose cosine is below this.
 BACK = -0.9
 # Thresholds may differ by this multiple of their stated errors; the share of the accuracy at which they are recomputed.
@@ -328,7 +330,10 @@ def _work(diagram: cb.Diagram, load: Array, d: Array, energy: Array, error: Arra
 
 
 def _followed(diagram: cb.Diagram, row: int, load: Array, d: Array) -> float:
-    """∫ F dd from a row to the next along the curve itself, followed anew; nan if there is no such piece of it."""
+    """∫ F dd from a row to the next along the curve itself, followed anew; nan if there is no such piece of it.
+
+    Rows that are events lie beside those of the curve as it was followed, as far as finer meshes have them elsewhere.
+    """
     contact = diagram.contact
     held = as_control(diagram.control if diagram.stiffness is None else cb.Spring(diagram.stiffness))
     request = Request(diagram.accuracy, held.scaled(contact.scales.stiffness), load[-1])
@@ -336,13 +341,15 @@ def _followed(diagram: cb.Diagram, row: int, load: Array, d: Array) -> float:
     places = np.array([[point.observables[name] for name in ("load", "displacement")] for point in points])
     away = np.abs(places - [load[row], d[row]]).sum(axis=1)
     begin = int(np.argmin(away))
-    if not away[begin] <= 1e-6 * max(1.0, abs(load[row]), abs(d[row])):
+    if not away[begin] <= EVENT_ROW_SHIFT * max(1.0, abs(load[row]), abs(d[row])):
         return math.nan
     try:
         first, last = points[begin : begin + 2]
-        return work_along(first, [Piece(*linked(first, last))], last, 1e-10)
+        work = work_along(first, [Piece(*linked(first, last))], last, 1e-10)
     except CorrectionError:
         return math.nan
+    (before, behind), (left, right) = places[begin : begin + 2].T
+    return work + 0.5 * ((load[row] + before) * (left - d[row]) + (load[row + 1] + behind) * (d[row + 1] - right))
 
 
 @lru_cache(1)

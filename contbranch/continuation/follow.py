@@ -65,7 +65,7 @@ def follow(
 
 
 class Course:
-    """What is asked of curves: what to look for, what ends them and who is told, as `trace_curve` documents it."""
+    """The options of a curve: events to locate, limits that end it and the function to call, as in `trace_curve`."""
 
     def __init__(
         self,
