@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy import sparse
+from scipy import optimize, sparse
 
-from contbranch.continuation import Options, Outcome, Problem, switch_branch, trace_curve
+from contbranch.continuation import Options, Outcome, Problem, StopAt, switch_branch, trace_curve
 from contbranch.continuation.deflation import search
 
 
@@ -315,3 +315,78 @@ def test_deflation_with_a_sparse_jacobian():
 
     found = search(Squares(), 1.0, [np.array([1.0, 1.0])], [np.array([0.5, -0.7])])
     assert sorted(tuple(np.round(x)) for x in found) == [(-1, -1), (-1, 1), (1, -1)]
+
+
+def test_catenary():
+    """y y'' = 1 + y'² with y(0) = 1 and y(1) = p: the lowest end of a catenary, in closed form beside it.
+
+    Of y = cosh(x cosh u - u) / cosh u the end is p(u), whose minimum is the fold, 0.58708493.
+    """
+    n = 24
+    k = np.arange(n + 1)
+    x, c = np.cos(np.pi * k / n), np.where((k == 0) | (k == n), 2.0, 1.0) * (-1.0) ** k
+    first = np.outer(c, 1 / c) / (x[:, None] - x + np.eye(n + 1))
+    first -= np.diag(first.sum(1))
+    first *= 2.0
+
+    def catenary(inner, end):
+        y = np.concatenate([[end], inner, [1.0]])
+        return (y * (first @ first @ y) - 1 - (first @ y) ** 2)[1:-1]
+
+    def end(u):
+        return np.cosh(np.cosh(u) - u) / np.cosh(u)
+
+    lowest = optimize.minimize_scalar(end, bounds=(1.0, 2.0), method="bounded", options={"xatol": 1e-9}).fun
+    start = np.cosh(0.5 * (x[1:-1] + 1.0) * np.cosh(0.5) - 0.5) / np.cosh(0.5)
+    curve = trace_curve(catenary, start, end(0.5), (0.0, 2.0))
+    assert curve.status == "complete"
+    (fold,) = curve.folds
+    assert lowest == pytest.approx(0.58708493, abs=5e-9)
+    assert fold.parameter == pytest.approx(lowest, abs=1e-8)
+
+
+def test_fronts_of_rolls_snake():
+    """Folds of r u - (1 + ∂²)² u + 2 u³ - u⁵ = 0 with wide localised rolls: the ends of the pinning region.
+
+    -0.7126 and -0.6267 (J. Burke and E. Knobloch, Chaos 17 (2007) 037102).
+    """
+    n, length = 96, 16 * np.pi
+    x, wave = (np.arange(n) + 0.5) * length / n, np.arange(n) * np.pi / length
+    cosine = np.cos(np.outer(x, wave))
+    linear = cosine @ np.diag((1 - wave**2) ** 2) @ np.linalg.inv(cosine)
+
+    class Rolls(Problem):
+        def residual(self, u, r):
+            return r * u - linear @ u + 2 * u**3 - u**5
+
+        def jacobian(self, u, r):
+            return np.diag(r + 6 * u**2 - 5 * u**4) - linear
+
+    for width in (15.0, 20.0):
+        front = 1.35 * np.cos(x) / (1 + np.exp((x - width) / 1.5))
+        curve = trace_curve(
+            Rolls(), front, -0.66, (-0.8, -0.5), Options(detect_branch_points=False), stop=StopAt(folds=4)
+        )
+        folds = [fold.parameter for fold in curve.folds][-6:]
+        assert sorted(folds) == pytest.approx([-0.7126] * 3 + [-0.6267] * 3, abs=1e-4)
+
+
+@pytest.mark.parametrize("start", [(0.8, 0.1), (0.3, 0.3), (1.0, 0.0)])
+@pytest.mark.parametrize("recovery", [0.3, 1.0])
+def test_sir(start, recovery):
+    """S' = m (1 - S) - b S I, I' = b S I - (g + m) I: disease-free up to the threshold b = g + m, endemic beyond."""
+    birth = 0.1
+
+    def sir(x, contacts):
+        s, i = x
+        return np.array([birth * (1 - s) - contacts * s * i, contacts * s * i - (recovery + birth) * i])
+
+    free = trace_curve(sir, start, 0.05, (0.0, 4.0))
+    assert free.status == "complete"
+    (threshold,) = free.branch_points
+    assert threshold.parameter == pytest.approx(recovery + birth, abs=1e-9)
+    assert threshold.type == "transcritical"
+    (endemic,) = switch_branch(free, threshold, (0.0, 4.0))
+    s, i = endemic.x[np.argmax(endemic.parameter)]
+    assert endemic.parameter.max() == 4.0
+    assert (s, i) == pytest.approx(((recovery + birth) / 4.0, birth / (recovery + birth) - birth / 4.0), abs=1e-9)
