@@ -8,9 +8,9 @@ Sample = tuple[float, float]
 
 # A position is good enough if the secant's estimate of its error is by this factor.
 SECANT_SAFETY = 4.0
-# Where the bracket is so narrow, as a share of the first, and values so small, of those at its ends, a value that is
-# larger than one farther from the zero by such a factor is noise; after so many the zero cannot be told any better.
-NARROW, SMALL, LARGER, ROUGH = 1e-3, 0.1, 1.25, 2
+# Interpolation from a value below this share of those at the bracket's ends, over less than this share of the distance
+# from them, lowers the value at least by the second factor, unless what is left is rounding: so it is the second time.
+RESOLVED_SHARE, LEAST_DECREASE, STALLS = 1e-3, 0.5, 2
 
 
 def find_root(
@@ -53,19 +53,20 @@ def find_root(
     if (fa > 0) == (fb > 0):
         raise ValueError("find_root needs values of opposite sign at both ends.")
     t = fa / (fa - fb) if guess is None else (guess - a) / (b - a)
-    narrow, small, rough = NARROW * abs(b - a), SMALL * min(abs(fa), abs(fb)), 0
-    c, fc = a, fa
+    low, high, small = a, b, RESOLVED_SHARE * min(abs(fa), abs(fb))
+    c, fc, interpolated, stalls = a, fa, True, 0
     for _ in range(100):
         x = a + t * (b - a)
         fx = function(x)
         # By the secant's slope, which may be several times the one at the zero.
         if fx != fa and SECANT_SAFETY * abs(fx * (x - a) / (fx - fa)) <= tolerance + relative * abs(x):
             return x
-        same = (fx > 0) == (fa > 0)
-        rough += abs(b - a) < narrow and LARGER * abs(fa if same else fb) < abs(fx) < small
-        if rough == ROUGH:
-            return min((abs(fa), a), (abs(fb), b), (abs(fx), x))[1]
-        if same:
+        least, known = min((abs(fa), a), (abs(fb), b))
+        near = abs(x - a) < RESOLVED_SHARE * min(abs(x - low), abs(x - high))
+        stalls += interpolated and near and least < small and abs(fx) > LEAST_DECREASE * least
+        if stalls == STALLS:
+            return x if abs(fx) < least else known
+        if (fx > 0) == (fa > 0):
             c, fc = a, fa
         else:
             c, fc = b, fb
@@ -78,7 +79,8 @@ def find_root(
         if limit > 0.5 or fa == 0.0:
             return best if fa != 0.0 else a
         xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-        if phi**2 < xi and (1 - phi) ** 2 < 1 - xi:
+        interpolated = phi**2 < xi and (1 - phi) ** 2 < 1 - xi
+        if interpolated:
             t = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
         else:
             t = 0.5
