@@ -220,7 +220,7 @@ def correct(
                 at = linearise(problem, x, p)
                 bordered, kept = border(problem, x, p, at, row), False
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
-            if kept or problem.delicate:
+            if kept or problem.delicate or (precise and size > tolerance):
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, first, worst, size if rounded else 0.0)

@@ -66,3 +66,22 @@ def test_matrix_of_a_point_close_by(aside, matrices):
     assert kept.parameter == pytest.approx(own.parameter, rel=1e-13)
     np.testing.assert_allclose(kept.x, own.x, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(kept.tangent_x, own.tangent_x, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("aside", [1e-11, 1e-8, 1e-4])
+def test_tangents_are_those_at_the_point(aside):
+    """On x = 10⁴ p²/2 the tangent turns by 10⁴ times the last correction, however small that is."""
+
+    class Parabola(Problem):
+        def residual(self, x, p):
+            return x - 5e3 * p**2
+
+        def jacobian(self, x, p):
+            return np.eye(1)
+
+        def parameter_derivative(self, x, p):
+            return np.array([-1e4 * p])
+
+    near = np.array([5e3 * 0.3**2]), 0.3 + aside
+    point, _ = corrected_point(Parabola(), near, (np.ones(1), 0.0), Metric(1.0, 1.0), Options(tolerance=1e-13))
+    assert point.tangent_x[0] / point.tangent_parameter == pytest.approx(1e4 * point.parameter, rel=1e-14)
