@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation import CorrectionError, Event, Options, Point, find_root
+from contbranch.continuation import CorrectionError, Event, Options, Point
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
@@ -33,14 +33,12 @@ RESOLVING_SHARE, RESOLVING_ROUNDS = 0.25, 3
 ROUNDS, LARGEST = 7, 2200
 # A finer one that leaves more than this share of the error has not helped.
 GAIN = 0.3
-# Where higher order does not help, panels are halved for this share of the error wanted, in the end all.
-HALVED_SHARES = 1.0, 0.1, 0.0
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT_COSINE = 0.3
 # Secant steps towards an event, and the longest of them, in units of the line.
 ITERATIONS, LONGEST = 14, 0.2
-# First secant step, in units of the line; where the curve is not found a longer one is shortened by the second factor.
-FIRST_STEP, RETREAT = 1e-5, 0.2
+# First secant step, in units of the line.
+FIRST_STEP = 1e-5
 # An event is located to this share of the accuracy.
 ENOUGH = 1e-4
 
@@ -64,19 +62,14 @@ class Found:
 
 @dataclass(frozen=True)
 class _Place:
-    """A point near an event, the derivative of the event along the curve, and what is left open of the place.
+    """A point near an event, the derivative of the event along the curve, and how far away the event may be.
 
-    Both in lengths of the point's own tangent, which another discretisation takes over: its coordinate along the curve
-    may be another. Besides the accuracy asked, whether the point is a solution to rounding, and the line that it is
-    the origin of, if there is one with a matrix.
+    Both are in lengths of the point's own tangent, which another discretisation takes over.
     """
 
     point: Point
-    accuracy: float
     steepness: float = 0.0
     uncertainty: float = 0.0
-    settled: bool = False
-    line: _Line | None = None
 
 
 def numbers(point: Point) -> Four:
@@ -191,75 +184,45 @@ class _Line:
         return Rates(*(rate * speed for rate in own))
 
 
-def _carried(place: _Place, problem: EquilibriumProblem, event: Event | None) -> _Place:
-    """A place on another discretisation: the equilibrium next to it, which its event may yet be away from.
+def _located(
+    place: _Place, event: Event | None, accuracy: float, problem: EquilibriumProblem | None = None
+) -> _Place:
+    """The zero of the event function near a place, by secants; without an event the place at its own parameter.
+
+    The event is located on the problem of the place unless another one is given.
 
     Raises
     ------
     CorrectionError
         If the curve cannot be followed there.
     """
-    point = moved(place.point, problem)
+    point = moved(place.point, problem or equilibrium(place.point))
     if event is None:
-        return replace(place, point=at_parameter(point), settled=True)
+        return _Place(at_parameter(point))
     line = _Line(point)
-    there = line.at(0.0, point)
-    change = line.speed(point) / line.speed(there)
-    steepness, uncertainty = place.steepness * change, place.uncertainty / abs(change)
-    return _Place(there, place.accuracy, steepness, uncertainty, settled=True, line=line)
-
-
-def _located(place: _Place, event: Event | None) -> _Place:
-    """The zero of the event function near a place; the place itself without an event.
-
-    Secants lead to a bracket of the zero, or to the zero itself. How far it may still be away counts as its
-    uncertainty, a small share of the accuracy.
-
-    Raises
-    ------
-    CorrectionError
-        If the curve cannot be followed there.
-    """
-    if event is None:
-        return place if place.settled else replace(place, point=at_parameter(place.point), settled=True)
-    line = place.line or _Line(place.point)
-    enough = ENOUGH * place.accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
+    steepness = place.steepness * line.speed(point)
+    if point is not place.point:
+        point = line.at(0.0, point)
+    enough = ENOUGH * accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
     least = max(line.problem.rounding, enough) * line.unit
-    s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
-    seen = {0.0: (event.value(point), point)}
-
-    def value(there: float) -> float:
-        near = min(seen, key=lambda known: abs(known - there))
-        beyond = line.at(there, seen[near][1], near)
-        seen[there] = event.value(beyond), beyond
-        return seen[there][0]
-
-    steepness = place.steepness * line.speed(place.point)
+    s, left = 0.0, event.value(point)
     if isinstance(event, Reached):
         steepness = event.rate(line.rates(point))
-    step = -seen[s][0] / steepness if steepness else FIRST_STEP * line.unit
+    step = -left / steepness if steepness else FIRST_STEP * line.unit
+    best = left, point
     for _ in range(ITERATIONS):
         step = math.copysign(min(abs(step), LONGEST * line.unit), step)
         if not abs(step) > least:
             break
-        before = seen[s][0]
-        try:
-            there = value(s + step)
-        except CorrectionError:
-            step *= RETREAT
-            if abs(step) > least:
-                continue
-            raise
-        steepness = (there - before) / step
-        if there * before < 0.0:
-            find_root(value, (s, before), (s + step, there), least)
-            break
-        s += step
-        step = -there / steepness if steepness else 0.0
-    left, point = min(seen.values(), key=lambda one: abs(one[0]))
+        point = line.at(s + step, point, s)
+        before, left = left, event.value(point)
+        best = min(best, (left, point), key=lambda one: abs(one[0]))
+        s, steepness = s + step, (left - before) / step
+        step = -left / steepness if steepness else 0.0
+    left, point = best
     uncertainty = min((abs(left) + event.noise) / abs(steepness), 1e-3 * line.unit) if steepness else 0.0
     speed = line.speed(point)
-    return _Place(point, place.accuracy, steepness / speed, uncertainty * abs(speed), settled=True)
+    return _Place(point, steepness / speed, uncertainty * abs(speed))
 
 
 def refine(point: Point, event: Event | None, accuracy: float) -> Found:
@@ -309,18 +272,17 @@ def _refined(point: Point, event: Event | None, accuracy: float) -> Found:
             best = found
         if best is not None and best.relative_error() <= accuracy:
             break
-    return best or by_defect(point, event)
+    return best or by_defect(point, located=event is None)
 
 
 def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Place]:
     """Where to begin: on discretisations made for the event, and on the point's own, which may turn out better."""
-    place, own = _Place(point, accuracy, settled=event is not None), equilibrium(point)
+    own = equilibrium(point)
     if own.moves:  # what resolves the event itself would not resolve the way to it
         with suppress(CorrectionError, ModelError):  # the whole that moves serves as well
-            place = _located(place, event)
-            point = place.point
-            yield _carried(place, own.close_to(point), event)
-        yield place
+            point = _located(_Place(point), event, accuracy).point
+            yield _located(_Place(point), event, accuracy, own.close_to(point))
+        yield _Place(point)
     aimed = point
     try:
         for _ in range(RESOLVING_ROUNDS):
@@ -332,9 +294,9 @@ def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Pla
     except (CorrectionError, ModelError):
         aimed = point
     if aimed is not point:
-        yield _Place(aimed, accuracy, settled=True)
+        yield _Place(aimed)
     if not own.moves:
-        yield place
+        yield _Place(point)
 
 
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
@@ -344,17 +306,17 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     other edges: two with the same edges may agree by chance.
     """
     best: Found | None = None
-    last, rough, shares = math.inf, False, iter(HALVED_SHARES)
+    last, rough = math.inf, False
     try:
-        place = _located(place, event)
+        place = _located(place, event, accuracy)
     except (CorrectionError, ModelError):
         return None
     try:
         for _ in range(ROUNDS):
             problem = equilibrium(place.point)
-            others = [problem.finer(), *([problem.doubled()] if rough or problem.pieced else [])]
-            others = [other for other in others if other is not problem]
-            fine = [_located(_carried(place, other, event), event) for other in others]
+            doubled = problem.doubled() if rough or problem.pieced else problem
+            others = [other for other in (problem.finer(), doubled) if other is not problem]
+            fine = [_located(place, event, accuracy, other) for other in others]
             found = _compared(place, fine, accuracy)
             if not fine:
                 return found
@@ -365,18 +327,10 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
                 break
             rough |= error > GAIN * last
             last = error
-            if not rough:
-                place = fine[0]
-                continue
-            share = next(shares, None)
-            if share is None:  # what is left is rounding
-                break
-            place = _located(
-                _carried(place, problem.halved(place.point, share * RESOLVING_SHARE * accuracy / error), event), event
-            )
+            place = fine[0] if not rough else _located(place, event, accuracy, problem.doubled())
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
-        return best or by_defect(place.point, event)
+        return best or by_defect(place.point)
     return best
 
 
@@ -403,24 +357,15 @@ def _compared(place: _Place, finer: Sequence[_Place], accuracy: float) -> Found:
     return Found(here, (load, displacement, radius, gap), point, parameter)
 
 
-def by_defect(point: Point, event: Event | None) -> Found:
+def by_defect(point: Point, located: bool = True) -> Found:
     """The point with the error estimates of one Newton step, where a finer discretisation could not be followed.
 
-    An event that has not been located adds how far away it may be: at most the unit of its coordinate.
+    An event that is not `located` on the point's discretisation may be anywhere.
     """
     point = _measured(point)
     problem = equilibrium(point)
     defect, here, moves = problem.defect(point), numbers(point), rates_of(point)
-    line = _Line(point)
-    along = abs(defect.state) / (float(np.abs(point.tangent_x).max()) or math.inf)
-    if event is not None:
-        try:
-            step = FIRST_STEP * line.unit
-            change = event.value(line.at(step, point)) - event.value(point)
-            along += abs(line.speed(point) * step) * (abs(event.value(point) / change) if change else math.inf)
-        except (CorrectionError, ModelError):
-            along = math.inf
-        along = min(along, abs(line.speed(point)) * line.unit)
+    along = abs(defect.state) / (float(np.abs(point.tangent_x).max()) or math.inf) if located else math.inf
     load, displacement, radius, gap = (
         2 * SAFETY * abs(e) + problem.rounding * max(1.0, abs(v)) + (2 * abs(rate) * along if rate else 0.0)
         for e, v, rate in zip((*defect[:2], 0.0, 0.0), here, moves, strict=True)

@@ -183,7 +183,7 @@ def _refined(track: Track, request: Request) -> list[Found]:
 
     kept(locate, None)
     with finishing():  # what was not reached is where the rows have it
-        return found + [by_defect(mark.point, _event_of(track, mark)) for mark in track.marks[len(found) :]]
+        return found + [by_defect(mark.point) for mark in track.marks[len(found) :]]
 
 
 def _rests_at(opening: Found, fold: Found, accuracy: float) -> bool:
