@@ -184,9 +184,7 @@ class _Line:
         return Rates(*(rate * speed for rate in own))
 
 
-def _located(
-    place: _Place, event: Event | None, accuracy: float, problem: EquilibriumProblem | None = None
-) -> _Place:
+def _located(place: _Place, event: Event | None, accuracy: float, problem: EquilibriumProblem | None = None) -> _Place:
     """The zero of the event function near a place, by secants; without an event the place at its own parameter.
 
     The event is located on the problem of the place unless another one is given.

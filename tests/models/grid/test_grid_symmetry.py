@@ -51,7 +51,7 @@ class Events:
             passing = SymmetryEvent(event.mode)
             _, near = between(ends, passing)
             found = refine(near, passing, 1e-6)
-            raw = RawEvent("symmetry", 0, found.numbers, found.error, place=found.point, mode=event.mode)
+            raw = RawEvent(**vars(found), kind="symmetry", row=0, mode=event.mode)
             self.events.append((departure(raw), found))
 
 

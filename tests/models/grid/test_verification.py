@@ -78,12 +78,12 @@ def test_symmetry_events_are_those_of_the_axisymmetric_model(flat, expected):
     for event, other in zip(events, others, strict=True):
         assert event.index == other.index
         assert event.message == other.message
-        assert event.values[:2] == pytest.approx(other.values[:2], rel=1e-5)
-        assert all(abs(a - b) <= c for a, b, c in zip(event.values, other.values, event.error, strict=True))
-        assert event.error[0] < 0.01 * event.values[0]
+        assert event.numbers[:2] == pytest.approx(other.numbers[:2], rel=1e-5)
+        assert all(abs(a - b) <= c for a, b, c in zip(event.numbers, other.numbers, event.error, strict=True))
+        assert event.error[0] < 0.01 * event.numbers[0]
         assert event.row <= event.position <= event.row + 1
         loads = flat.curve.load[event.row : event.row + 2]
-        assert loads.min() <= event.values[0] <= loads.max()
+        assert loads.min() <= event.numbers[0] <= loads.max()
 
 
 def test_numbers_of_azimuthal_modes_change_at_the_events(flat, expected):
