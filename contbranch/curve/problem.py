@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 # Of load, displacement, contact radius and central gap.
-Four = tuple[float, float, float, float]
+Four = tuple[float, ...]
 
 STEPS = Options(
     angle=0.3,

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Event, Options, Point
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
@@ -27,12 +28,14 @@ OPTIONS = Options(tolerance=1e-13, noise=1e8, patience=5)
 SAFETY = 3.0
 # Least error estimate as a share of the accuracy: both discretisations may happen to agree.
 LEAST_ERROR_SHARE = 0.003
-# Discretisations for an event aim at this part of the accuracy, since position adds its own error, in so many rounds.
-RESOLVING_SHARE, RESOLVING_ROUNDS = 0.25, 3
-# Times that a discretisation is replaced by its finer one, and the number of unknowns at which that ends.
-ROUNDS, LARGEST = 7, 2200
+# Discretisations for an event aim at this part of the accuracy, since position adds its own error.
+RESOLVING_SHARE = 0.25
+# Number of unknowns at which a discretisation is no longer replaced by its finer one.
+LARGEST = 2200
 # A finer one that leaves more than this share of the error has not helped.
 GAIN = 0.3
+# Where higher order does not help, panels are halved for this share of the error wanted, in the end all.
+HALVED_SHARES = 0.1, 0.0
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT_COSINE = 0.3
 # Secant steps towards an event, and the longest of them, in units of the line.
@@ -124,9 +127,7 @@ def at_parameter(point: Point) -> Point:
     CorrectionError
         If Newton's method fails.
     """
-    line = _Line(point)
-    line.upright = True
-    return line.at(0.0, point)
+    return _Line(point, by_parameter=True).at(0.0, point)
 
 
 def further(point: Point, length: float) -> Point:
@@ -137,20 +138,19 @@ def further(point: Point, length: float) -> Point:
     CorrectionError
         If Newton's method fails.
     """
-    line = _Line(point)
-    line.upright |= line.problem.ordered
+    line = _Line(point, by_parameter=equilibrium(point).ordered)
     return line.at(math.copysign(1.0, point.tangent_parameter) * length if line.upright else length, point)
 
 
 class _Line:
     """A coordinate along the curve through a point: the parameter where that serves, otherwise the arclength."""
 
-    def __init__(self, point: Point) -> None:
+    def __init__(self, point: Point, by_parameter: bool = False) -> None:
         problem = equilibrium(point)
         self.problem, self.metric = problem, problem.metric(point.x)
         size = self.metric.norm(problem, point.tangent_x, point.tangent_parameter)
         self.direction = point.tangent_x / size, point.tangent_parameter / size
-        self.upright = upright(point)
+        self.upright = by_parameter or upright(point)
         self.origin = point
         self.matrix: Bordered | None = None
         # Places next to the edge of a representation matter relative to their distance from it.
@@ -239,38 +239,35 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
     accuracy : float
         Error allowed to all four numbers, relative to max(1, |value|).
     """
-    found = _refined(point, event, accuracy)
-    return _held(found, event) if isinstance(event, Reached) else found
-
-
-def _held(found: Found, event: Reached) -> Found:
-    """With what a value that is held, but read off with what is left out, or rounded, leaves open of the others."""
-    point, problem = found.point, equilibrium(found.point)
-    missed = event.left_out(point) + problem.rounding * max(1.0, abs(event.target))
-    if missed == 0.0:
-        return found
-    rates = rates_of(point)
-    steepness = abs(event.rate(rates)) or math.inf
-    held = "contact_radius" if event.control is None else event.control.kind
-    load, displacement, radius, gap = (
-        e if name == held or value == 0.0 else e + missed * abs(rate) / steepness
-        for name, e, rate, value in zip(rates._fields, found.error, rates, found.numbers, strict=True)
-    )
-    return replace(found, error=(load, displacement, radius, gap))
-
-
-def _refined(point: Point, event: Event | None, accuracy: float) -> Found:
-    point, best = _measured(point), None
+    point = _measured(point)
+    best: Found | None = None
     stated = equilibrium(point).stated(point, event)
     if stated is not None:
-        return Found(numbers(point), stated, point)
-    for place in _places(point, event, accuracy):
+        best = Found(numbers(point), stated, point)
+    for place in _places(point, event, accuracy) if best is None else ():
         found = _best(place, event, accuracy)
         if found is not None and (best is None or found.relative_error() < best.relative_error()):
             best = found
         if best is not None and best.relative_error() <= accuracy:
             break
-    return best or by_defect(point, located=event is None)
+    best = best or by_defect(point, located=event is None)
+    return _held(best, event) if isinstance(event, Reached) else best
+
+
+def _held(found: Found, event: Reached) -> Found:
+    """With what a value that is held, but read off with what is left out, or rounded, leaves open of the others."""
+    point, problem = found.point, equilibrium(found.point)
+    rates = rates_of(point)
+    missed = event.left_out(point) + problem.rounding * max(1.0, abs(event.target))
+    besides = _along(point, missed / (abs(event.rate(rates)) or math.inf))
+    held = "contact_radius" if event.control is None else event.control.kind
+    besides[[name == held or value == 0.0 for name, value in zip(rates._fields, found.numbers, strict=True)]] = 0.0
+    return replace(found, error=tuple((found.error + besides).tolist()))
+
+
+def _along(point: Point, length: float) -> Array:
+    """By how much load, displacement, contact radius and gap change over a length along the curve."""
+    return np.nan_to_num(np.abs(rates_of(point)) * length, nan=0.0, posinf=np.inf)
 
 
 def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Place]:
@@ -282,15 +279,10 @@ def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Pla
             yield _located(_Place(point), event, accuracy, own.close_to(point))
         yield _Place(point)
     aimed = point
-    try:
-        for _ in range(RESOLVING_ROUNDS):
-            problem = equilibrium(aimed).resolving(aimed, RESOLVING_SHARE * accuracy)
-            if problem is aimed.problem:
-                break
-            carried = moved(aimed, problem)
+    with suppress(CorrectionError, ModelError):
+        carried = moved(point, own.resolving(point, RESOLVING_SHARE * accuracy))
+        if carried is not point:
             aimed = at_parameter(carried) if event is None else settled(carried)
-    except (CorrectionError, ModelError):
-        aimed = point
     if aimed is not point:
         yield _Place(aimed)
     if not own.moves:
@@ -304,55 +296,51 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     other edges: two with the same edges may agree by chance.
     """
     best: Found | None = None
-    last, rough = math.inf, False
+    last, rough, shares = math.inf, False, iter(HALVED_SHARES)
     try:
         place = _located(place, event, accuracy)
     except (CorrectionError, ModelError):
         return None
     try:
-        for _ in range(ROUNDS):
+        while True:
             problem = equilibrium(place.point)
             doubled = problem.doubled() if rough or problem.pieced else problem
             others = [other for other in (problem.finer(), doubled) if other is not problem]
             fine = [_located(place, event, accuracy, other) for other in others]
             found = _compared(place, fine, accuracy)
-            if not fine:
-                return found
             error = found.relative_error()
             if best is None or error < best.relative_error():
                 best = found
-            if error <= accuracy or others[0].size > LARGEST or not problem.refinable:
-                break
+            if not fine or error <= accuracy or others[0].size > LARGEST or not problem.refinable:
+                return best
             rough |= error > GAIN * last
             last = error
-            place = fine[0] if not rough else _located(place, event, accuracy, problem.doubled())
+            if not rough:
+                place = fine[0]
+                continue
+            halved = problem.halved(place.point, next(shares) * RESOLVING_SHARE * accuracy / error)
+            place = _located(place, event, accuracy, halved)
+    except StopIteration:  # what is left is rounding
+        return best
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
         return best or by_defect(place.point)
-    return best
 
 
 def _compared(place: _Place, finer: Sequence[_Place], accuracy: float) -> Found:
     """The event with error estimates, by those on finer discretisations, if there are any."""
-    point, here, there = place.point, numbers(place.point), [numbers(one.point) for one in finer]
-    problem, moves = equilibrium(point), rates_of(point)
+    point, problem = place.point, equilibrium(place.point)
+    own, others = np.array(numbers(point)), [numbers(one.point) for one in finer]
+    off = np.max(np.abs(np.subtract([own, *others], own)), axis=0)
     floor = problem.rounding + (LEAST_ERROR_SHARE * accuracy if finer else 0.0)
-    uncertainty = max(one.uncertainty for one in (place, *finer))
-    off = np.max(np.abs(np.subtract([here, *there], here)), axis=0)
-
-    def error(a: float, off: float, rate: float, besides: float = 0.0) -> float:
-        unsettled = 2 * abs(rate) * uncertainty if uncertainty else 0.0  # what rounding leaves open
-        return SAFETY * off + floor * max(1.0, abs(a)) + unsettled + besides
-
-    left_out = problem.left_out(point.x, point.parameter)
-    load, displacement, radius, gap = (
-        # What is zero by its nature has no error: the radius without contact, the gap in contact, the load far away.
-        0.0 if a == change == 0.0 else error(a, float(change), rate, besides)
-        for a, change, rate, besides in zip(here, off, moves, left_out, strict=True)
-    )
-    missed = max((abs(point.parameter - one.point.parameter) for one in finer), default=0.0)
-    parameter = error(point.parameter, missed, point.tangent_parameter)
-    return Found(here, (load, displacement, radius, gap), point, parameter)
+    along = 2 * max(one.uncertainty for one in (place, *finer))  # what rounding leaves open
+    error = SAFETY * off + floor * np.maximum(1.0, np.abs(own)) + _along(point, along)
+    error += problem.left_out(point.x, point.parameter)
+    error[(own == 0.0) & (off == 0.0)] = 0.0  # zero by its nature: a radius without contact, a gap in contact
+    p = point.parameter
+    missed = max((abs(p - one.point.parameter) for one in finer), default=0.0)
+    of_parameter = SAFETY * missed + floor * max(1.0, abs(p)) + abs(point.tangent_parameter) * along
+    return Found(tuple(own.tolist()), tuple(error.tolist()), point, of_parameter)
 
 
 def by_defect(point: Point, located: bool = True) -> Found:
@@ -361,11 +349,8 @@ def by_defect(point: Point, located: bool = True) -> Found:
     An event that is not `located` on the point's discretisation may be anywhere.
     """
     point = _measured(point)
-    problem = equilibrium(point)
-    defect, here, moves = problem.defect(point), numbers(point), rates_of(point)
+    problem, own = equilibrium(point), numbers(point)
+    defect = problem.defect(point)
     along = abs(defect.state) / (float(np.abs(point.tangent_x).max()) or math.inf) if located else math.inf
-    load, displacement, radius, gap = (
-        2 * SAFETY * abs(e) + problem.rounding * max(1.0, abs(v)) + (2 * abs(rate) * along if rate else 0.0)
-        for e, v, rate in zip((*defect[:2], 0.0, 0.0), here, moves, strict=True)
-    )
-    return Found(here, (load, displacement, radius, gap), point)
+    error = 2 * SAFETY * np.abs([defect.load, defect.displacement, 0.0, 0.0]) + problem.rounding * np.maximum(1.0, np.abs(own))
+    return Found(own, tuple((error + _along(point, 2 * along)).tolist()), point)

@@ -513,7 +513,8 @@ class LatticeProblem(OnNodes):
 
     def shared(self, point: Point) -> tuple[float, float]:
         """What the cell leaves out."""
-        return self.reading(point.x, point.parameter).errors[:2]
+        load, displacement, *_ = self.reading(point.x, point.parameter).errors
+        return load, displacement
 
     def difference(self, point: Point, control: Control | None = None) -> Array:
         """Change of load, displacement, radius and gap on half the nodes a side: at a value of a control, or across the
