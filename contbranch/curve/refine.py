@@ -16,6 +16,7 @@ from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
 from contbranch.curve.events import Reached
 from contbranch.curve.problem import EquilibriumProblem, Four, Rates, equilibrium, rates_of, values_of
+from contbranch.curve.tolerances import DEFECT_SAFETY
 from contbranch.errors import ModelError
 
 __all__ = [
@@ -24,26 +25,24 @@ __all__ = [
 ]  # fmt: skip
 
 OPTIONS = Options(tolerance=1e-13, noise=1e8, patience=5)
-# The finer discretisation has an error of its own, and its event is found to first order only.
-SAFETY = 3.0
-# Least error estimate as a share of the accuracy: both discretisations may happen to agree.
+# Least error estimate as a share of the accuracy, since both discretisations may happen to agree.
 LEAST_ERROR_SHARE = 0.003
-# Discretisations for an event aim at this part of the accuracy, since position adds its own error.
-RESOLVING_SHARE = 0.25
+# Discretisations for an event aim at this part of the accuracy, since position adds its own error, in so many rounds.
+RESOLVING_SHARE, RESOLVING_ROUNDS = 0.25, 3
 # Number of unknowns at which a discretisation is no longer replaced by its finer one.
 LARGEST = 2200
 # A finer one that leaves more than this share of the error has not helped.
 GAIN = 0.3
 # Where higher order does not help, panels are halved for this share of the error wanted, in the end all.
 HALVED_SHARES = 0.1, 0.0
+# An event is located to this share of the accuracy.
+ENOUGH = 1e-4
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT_COSINE = 0.3
 # Secant steps towards an event, and the longest of them, in units of the line.
 ITERATIONS, LONGEST = 14, 0.2
 # First secant step, in units of the line.
 FIRST_STEP = 1e-5
-# An event is located to this share of the accuracy.
-ENOUGH = 1e-4
 
 
 @dataclass(frozen=True)
@@ -267,7 +266,7 @@ def _held(found: Found, event: Reached) -> Found:
 
 def _along(point: Point, length: float) -> Array:
     """By how much load, displacement, contact radius and gap change over a length along the curve."""
-    return np.nan_to_num(np.abs(rates_of(point)) * length, nan=0.0, posinf=np.inf)
+    return np.array([abs(rate) * length if rate and length else 0.0 for rate in rates_of(point)])
 
 
 def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Place]:
@@ -279,10 +278,14 @@ def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Pla
             yield _located(_Place(point), event, accuracy, own.close_to(point))
         yield _Place(point)
     aimed = point
-    with suppress(CorrectionError, ModelError):
-        carried = moved(point, own.resolving(point, RESOLVING_SHARE * accuracy))
-        if carried is not point:
+    try:
+        for _ in range(RESOLVING_ROUNDS):
+            carried = moved(aimed, equilibrium(aimed).resolving(aimed, RESOLVING_SHARE * accuracy))
+            if carried is aimed:
+                break
             aimed = at_parameter(carried) if event is None else settled(carried)
+    except (CorrectionError, ModelError):
+        aimed = point
     if aimed is not point:
         yield _Place(aimed)
     if not own.moves:
@@ -330,16 +333,16 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
 def _compared(place: _Place, finer: Sequence[_Place], accuracy: float) -> Found:
     """The event with error estimates, by those on finer discretisations, if there are any."""
     point, problem = place.point, equilibrium(place.point)
-    own, others = np.array(numbers(point)), [numbers(one.point) for one in finer]
-    off = np.max(np.abs(np.subtract([own, *others], own)), axis=0)
+    own = np.array(numbers(point))
+    off = np.max([np.abs(np.subtract(numbers(one.point), own)) for one in (place, *finer)], axis=0)
     floor = problem.rounding + (LEAST_ERROR_SHARE * accuracy if finer else 0.0)
     along = 2 * max(one.uncertainty for one in (place, *finer))  # what rounding leaves open
-    error = SAFETY * off + floor * np.maximum(1.0, np.abs(own)) + _along(point, along)
+    error = DEFECT_SAFETY * off + floor * np.maximum(1.0, np.abs(own)) + _along(point, along)
     error += problem.left_out(point.x, point.parameter)
     error[(own == 0.0) & (off == 0.0)] = 0.0  # zero by its nature: a radius without contact, a gap in contact
     p = point.parameter
     missed = max((abs(p - one.point.parameter) for one in finer), default=0.0)
-    of_parameter = SAFETY * missed + floor * max(1.0, abs(p)) + abs(point.tangent_parameter) * along
+    of_parameter = DEFECT_SAFETY * missed + floor * max(1.0, abs(p)) + abs(point.tangent_parameter) * along
     return Found(tuple(own.tolist()), tuple(error.tolist()), point, of_parameter)
 
 
@@ -352,5 +355,5 @@ def by_defect(point: Point, located: bool = True) -> Found:
     problem, own = equilibrium(point), numbers(point)
     defect = problem.defect(point)
     along = abs(defect.state) / (float(np.abs(point.tangent_x).max()) or math.inf) if located else math.inf
-    error = 2 * SAFETY * np.abs([defect.load, defect.displacement, 0.0, 0.0]) + problem.rounding * np.maximum(1.0, np.abs(own))
-    return Found(own, tuple((error + _along(point, 2 * along)).tolist()), point)
+    error = 2 * DEFECT_SAFETY * np.abs([defect.load, defect.displacement, 0.0, 0.0]) + _along(point, 2 * along)
+    return Found(own, tuple((error + problem.rounding * np.maximum(1.0, np.abs(own))).tolist()), point)

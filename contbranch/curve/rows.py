@@ -33,6 +33,8 @@ from contbranch.watch import finishing, kept, over, tell
 __all__ = ["raw_curve"]
 
 CONE = "Exactly at first touch admissible variations form a cone, not a space: the indices are those of both sides."
+# A fold where a ring opens is at the opening if they differ by less than errors and this multiple of the accuracy.
+OPENING_ERRORS = 10.0
 # Accuracy at which neighbouring folds that their errors do not tell apart are located once more.
 SHARPEST = 1e-12
 
@@ -177,10 +179,7 @@ def _disagreement(point: Point) -> str:
 
 # -- events -----------------------------------------------------------------------------------------------------------
 def _refined(track: Track, request: Request) -> list[Found]:
-    """The marks made precise.
-
-    A fold where a ring opens before it, as far as errors tell, is at the opening: there load and displacement rest.
-    """
+    """The marks made precise."""
     found: list[Found] = []
 
     def locate() -> None:
@@ -190,13 +189,23 @@ def _refined(track: Track, request: Request) -> list[Found]:
             own = _located(track, mark.point, _event_of(track, mark), request.accuracy)
             if mark.control is not None and mark.row in track.onward:
                 own = _beside(track, mark, own, request.accuracy)
-            if mark.control is None or opening is None or not _alike(opening, own, 2):
+            if mark.control is None or opening is None or not _rests_at(opening, own, request.accuracy):
                 opening = own if mark.kind == "topology" else None
             found.append(opening or own)
 
     kept(locate, None)
     with finishing():  # what was not reached is where the rows have it
         return found + [by_defect(mark.point) for mark in track.marks[len(found) :]]
+
+
+def _rests_at(opening: Found, fold: Found, accuracy: float) -> bool:
+    """Whether a fold is where a ring opens before it: load and displacement rest there, and do not tell its place."""
+    errors, allowed = (
+        np.add(fold.error, opening.error),
+        OPENING_ERRORS * accuracy * np.maximum(1.0, np.abs(fold.numbers)),
+    )
+    apart = np.abs(np.subtract(fold.numbers, opening.numbers)) > np.minimum(errors, allowed)
+    return not apart[:2].any()
 
 
 def _located(track: Track, point: Point, event: Event | None, accuracy: float) -> Found:
@@ -275,10 +284,10 @@ def _coincide(track: Track, one: tuple[Mark, Found], other: tuple[Mark, Found]) 
     return _alike(first, second)
 
 
-def _alike(first: Found, second: Found, count: int = 4) -> bool:
-    """Whether none of the first numbers tells two events apart; what is not known tells nothing."""
-    room = np.add(first.error, second.error)[:count]
-    apart = np.abs(np.subtract(first.numbers, second.numbers))[:count] > np.where(np.isfinite(room), room, 0.0)
+def _alike(first: Found, second: Found) -> bool:
+    """Whether no number tells two events apart; what is not known tells nothing."""
+    room = np.add(first.error, second.error)
+    apart = np.abs(np.subtract(first.numbers, second.numbers)) > np.where(np.isfinite(room), room, 0.0)
     return not apart.any()
 
 

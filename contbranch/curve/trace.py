@@ -300,7 +300,7 @@ class _Tracing:
     def cut(self) -> None:
         """Forget what lies behind the last row with finite numbers."""
         for k, row in enumerate(self.rows):
-            if not all(map(math.isfinite, (*self.slopes(row.point), *row.point.observables.values()))):
+            if not all(map(math.isfinite, (*self.slopes(row.point)[:2], *row.point.observables.values()))):
                 self.complete, self.message = False, f"From row {k} on numbers are not finite. {self.message}".strip()
                 self._forget(k)
                 return
@@ -350,7 +350,7 @@ class _Tracing:
 
     def _rates(self, point: Point) -> tuple[float, float]:
         """Rates of load and displacement: where none is unstable both grow, whatever rounding makes of them."""
-        load, displacement = self.slopes(point)
+        load, displacement = self.slopes(point)[:2]
         return (abs(load), abs(displacement)) if equilibrium(point).convex else (load, displacement)
 
     def _reversed(self, turning: Turning, row: int, index: int) -> bool:
@@ -370,7 +370,7 @@ class _Tracing:
             trial = deepcopy(turning)
             for control in filter(None, order):
                 trial.fold(control)
-            trial.row(*self.slopes(after))
+            trial.row(*self.slopes(after)[:2])
             counted.append(int(trial.hodograph(index).pieces(DISPLACEMENT)[0][-1]))
         return counted[0] != equilibrium(after).unstable(after.x, after.parameter) == counted[1]
 

@@ -209,7 +209,9 @@ def test_what_settles_a_state_agrees_with_counting(cascade):
         numbers = [unstable_count(equations, fields, m) for m in (1, 2, 3)]
         assert settled(equations, fields) == (numbers[0] == 0)
         assert counted(equations, fields).total == sum(numbers)
-        assert max(cascade.curve.branch.unstable_displacement[row], numbers[0]) >= numbers[0] >= numbers[1] >= numbers[2]
+        assert (
+            max(cascade.curve.branch.unstable_displacement[row], numbers[0]) >= numbers[0] >= numbers[1] >= numbers[2]
+        )
         assert numbers[0] <= equations.unstable_modes(fields)
         seen.add(sum(numbers))
     assert seen == {0, 1, 2, 3}

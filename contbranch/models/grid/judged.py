@@ -11,7 +11,7 @@ import numpy as np
 from contbranch.continuation import Point
 from contbranch.control import Control
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.problem import ROW_FLOOR, EquilibriumProblem
+from contbranch.curve.problem import EquilibriumProblem
 from contbranch.results.record import OBSERVABLES
 
 __all__ = ["OnNodes"]
@@ -26,7 +26,7 @@ class OnNodes(EquilibriumProblem):
     """Equilibria on nodes that are the user's: errors are stated, not brought below the accuracy asked."""
 
     refinable = False
-    rows_between = False
+    row_safety = 1.0  # the defect is the difference to half the nodes a side, whose error is the larger one by far
 
     def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
         """What a fold is worth on other lattices, and a sentence; None where nothing is to be said."""
@@ -35,16 +35,6 @@ class OnNodes(EquilibriumProblem):
     def shared(self, point: Point) -> tuple[float, float]:
         """Errors of load and displacement that states near each other have in common."""
         raise NotImplementedError
-
-    def row_error(self, point: Point) -> tuple[float, float]:
-        """By the difference to half the nodes a side, whose error is the larger one by far."""
-        defect, left_out, own = self.defect(point), self.left_out(point.x, point.parameter), point.observables
-        floor = self.rounding if self.finer() is self else ROW_FLOOR
-        load, displacement = (
-            abs(error) + floor * max(1.0, abs(own[name])) + besides
-            for error, name, besides in zip(defect[:2], ("load", "displacement"), left_out[:2], strict=True)
-        )
-        return load, displacement
 
     def error_rows(self, count: int) -> Sequence[int]:
         """Every few rows, since each costs a state on other nodes."""

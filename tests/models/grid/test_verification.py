@@ -95,7 +95,9 @@ def test_numbers_of_azimuthal_modes_change_at_the_events(flat, expected):
         count[event.row + 1 :] += 1 if "lost" in event.message else -1
     assert np.array_equal(column, count)
     assert not column[flat.indices.rows(DISPLACEMENT)[: len(column)] == 0].any()
-    changes = expected.curve.branch.unstable_azimuthal[np.flatnonzero(np.diff(expected.curve.branch.unstable_azimuthal)) + 1]
+    changes = expected.curve.branch.unstable_azimuthal[
+        np.flatnonzero(np.diff(expected.curve.branch.unstable_azimuthal)) + 1
+    ]
     steps = [1 if "lost" in event.message else -1 for event in events]
     assert list(np.cumsum(steps)) == list(changes[: len(events)])
 
