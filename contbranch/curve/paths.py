@@ -61,7 +61,7 @@ class CurveWalk:
     @property
     def relaxes_off_curve(self) -> bool:
         """Whether stable states need not lie on the curve: relaxations are then always followed."""
-        return self.track.problem(0).relaxes_off_curve
+        return not self.track.problem(0).refinable
 
     @cached_property
     def values(self) -> Array:

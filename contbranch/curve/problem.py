@@ -226,9 +226,8 @@ class EquilibriumProblem(Problem):
     refinable : bool
         Whether finer discretisations bring errors below the accuracy asked. Otherwise they are stated, rows lie as
         close as the discretisation lets them, and nothing is computed between them unless a value is asked there:
-        lines between them need not show the curve.
-    relaxes_off_curve : bool
-        Whether stable states need not lie on the curve, so that the relaxation from a fold is followed always.
+        lines between them need not show the curve. Stable states need not lie on the curve either, so that the
+        relaxation from a fold is followed always.
     row_safety : float
         Factor of `defect` in the error estimates of rows.
     """
@@ -237,7 +236,6 @@ class EquilibriumProblem(Problem):
     work: Work
     complete_by: ClassVar[str] = ""
     refinable: ClassVar[bool] = True
-    relaxes_off_curve: ClassVar[bool] = False
     row_safety: ClassVar[float] = DEFECT_SAFETY
 
     @property

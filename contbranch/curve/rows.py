@@ -134,12 +134,12 @@ def _placed(track: Track, pairs: Sequence[tuple[Mark, Found]]) -> Track:
             continue
         placed = annotated(found.point)
         near = track.points[max(mark.row - 1, 0) : mark.row + 2]
-        if not fold or (_leads(near[0], near[0], placed) and _leads(near[-1], placed, near[-1])):
+        if not fold or (_is_ahead(near[0], near[0], placed) and _is_ahead(near[-1], placed, near[-1])):
             points[mark.row] = placed
     return replace(track, points=tuple(points))
 
 
-def _leads(along: Point, begin: Point, end: Point) -> bool:
+def _is_ahead(along: Point, begin: Point, end: Point) -> bool:
     """Whether one state is ahead of another in the direction in which the curve passes a row."""
     pairs = zip(rates_of(along), numbers(begin), numbers(end), strict=True)
     return sum(rate * (b - a) / max(1.0, abs(a), abs(b)) ** 2 for rate, a, b in pairs) >= 0.0
@@ -188,8 +188,8 @@ def _refined(track: Track, request: Request) -> list[Found]:
             tell(0.9 + 0.07 * k / len(track.marks), f"locating {mark.kind}")
             own = _located(track, mark.point, _event_of(track, mark), request.accuracy)
             if mark.control is not None and mark.row in track.onward:
-                own = _beside(track, mark, own, request.accuracy)
-            if mark.control is None or opening is None or not _rests_at(opening, own, request.accuracy):
+                own = _in_corner_of_touch(track, mark, own, request.accuracy)
+            if mark.control is None or opening is None or not _is_at_opening(opening, own, request.accuracy):
                 opening = own if mark.kind == "topology" else None
             found.append(opening or own)
 
@@ -198,7 +198,7 @@ def _refined(track: Track, request: Request) -> list[Found]:
         return found + [by_defect(mark.point) for mark in track.marks[len(found) :]]
 
 
-def _rests_at(opening: Found, fold: Found, accuracy: float) -> bool:
+def _is_at_opening(opening: Found, fold: Found, accuracy: float) -> bool:
     """Whether a fold is where a ring opens before it: load and displacement rest there, and do not tell its place."""
     errors, allowed = (
         np.add(fold.error, opening.error),
@@ -225,7 +225,7 @@ def _located(track: Track, point: Point, event: Event | None, accuracy: float) -
     return min([found, *others], key=Found.relative_error)
 
 
-def _beside(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
+def _in_corner_of_touch(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:
     """A fold in the corner of first touch: it lies between there and the first row of the contact, or before.
 
     The stiffness of a contact begins with its radius: what the film loses is made up for behind the touch. Where loads

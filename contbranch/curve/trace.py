@@ -222,8 +222,8 @@ class _Tracing:
     def _followed(self, start: Point, step: float | None) -> Branch:
         """The piece from a start, by means of its problem's own or by the engine."""
         problem = equilibrium(start)
-        folds = Folds(() if problem.convex else self.request.controls, self._met, self.slopes)
-        stop = StopAt(predicate=self._told)
+        folds = Folds(() if problem.convex else self.request.controls, self._raise_end, self.slopes)
+        stop = StopAt(predicate=self._report_progress)
         branch = problem.walked(start, folds, self.end, stop)
         if branch is not None:
             return branch
@@ -238,7 +238,7 @@ class _Tracing:
         self._append(found.event)
         if found.kind:
             self.rows[-1].mark(found.kind, margin=found.margin or margin, message=found.message)
-            self._met(found.event)
+            self._raise_end(found.event)
         if not found.same:
             self._append(found.starts[0])
 
@@ -268,7 +268,7 @@ class _Tracing:
             message += " Ask for less, or, if it has turned back, for a hundredth of the accuracy."
         self.message = message
 
-    def _met(self, point: Point) -> None:
+    def _raise_end(self, point: Point) -> None:
         """Raise the end beyond the load of an event."""
         load, problem = point.observables["load"], equilibrium(point)
         self.largest = max(self.largest, load)
@@ -279,7 +279,7 @@ class _Tracing:
         if self.request.target is None:
             self.end.target = max(self.end.target, END_FACTOR * self.largest)
 
-    def _told(self, point: Point) -> bool:
+    def _report_progress(self, point: Point) -> bool:
         """Report progress, guessed from the load: most of the way is the approach."""
         load, radius = point.observables["load"], point.observables["contact_radius"]
         tell(min(0.1 + 0.8 * max(0.0, load) / max(self.end.target, 1.0), 0.9), f"load {load:.4g}, contact {radius:.4g}")
@@ -318,12 +318,12 @@ class _Tracing:
         turning = Turning(self.request.controls, *self._rates(start))
         marks = [*rows[0].marks]
         for k in range(1, len(rows)):
-            if rows[k].fold is not None and self._reversed(turning, k, index):
+            if rows[k].fold is not None and self._is_reversed(turning, k, index):
                 rows[k : k + 2] = rows[k + 1], rows[k]
             row, fold = rows[k], rows[k].fold
             passed = turning.row(*self._rates(row.point)) if fold is None else turning.fold(fold)
             if row.onward is not None:
-                passed += self._corner(turning, k)
+                passed += self._corner_folds(turning, k)
             own = [*row.marks, *(Mark(k, "fold", row.point, control) for control in passed)]
             marks += [replace(mark, row=k) for mark in own]
         hodograph = turning.hodograph(index)
@@ -353,7 +353,7 @@ class _Tracing:
         load, displacement = self.slopes(point)[:2]
         return (abs(load), abs(displacement)) if equilibrium(point).convex else (load, displacement)
 
-    def _reversed(self, turning: Turning, row: int, index: int) -> bool:
+    def _is_reversed(self, turning: Turning, row: int, index: int) -> bool:
         """Whether folds of different controls at a row and at the next come in the other order than their places say.
 
         Where load and displacement rest together rounding decides the places. The curve turns by half a turn one way or
@@ -374,7 +374,7 @@ class _Tracing:
             counted.append(int(trial.hodograph(index).pieces(DISPLACEMENT)[0][-1]))
         return counted[0] != equilibrium(after).unstable(after.x, after.parameter) == counted[1]
 
-    def _corner(self, turning: Turning, row: int) -> list[Control]:
+    def _corner_folds(self, turning: Turning, row: int) -> list[Control]:
         """The folds in the corner where one problem takes over from another."""
         behind, ahead = self.rows[row - 1].point, self.rows[row].leaving
         load, displacement = self._rates(ahead)
