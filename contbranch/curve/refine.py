@@ -41,8 +41,8 @@ ENOUGH = 1e-4
 UPRIGHT_COSINE = 0.3
 # Secant steps towards an event, and the longest of them, in units of the line.
 ITERATIONS, LONGEST = 14, 0.2
-# First secant step, in units of the line.
-FIRST_STEP = 1e-5
+# First secant step, in units of the line; where the curve is not found a longer one is shortened by the second factor.
+FIRST_STEP, RETREAT = 1e-5, 0.2
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,13 @@ def _located(place: _Place, event: Event | None, accuracy: float, problem: Equil
         step = math.copysign(min(abs(step), LONGEST * line.unit), step)
         if not abs(step) > least:
             break
-        point = line.at(s + step, point, s)
+        try:
+            point = line.at(s + step, point, s)
+        except CorrectionError:
+            step *= RETREAT
+            if abs(step) > least:
+                continue
+            raise
         before, left = left, event.value(point)
         best = min(best, (left, point), key=lambda one: abs(one[0]))
         s, steepness = s + step, (left - before) / step
