@@ -355,7 +355,7 @@ def test_convergence_with_the_order(step: Track) -> None:
         other = problem.on(replace(coarse, order=order))
         carried = problem.carried(point.x, point.x, point.parameter, other)
         x, d = solved(other, carried, point.parameter, (0.0 * carried, 1.0))
-        loads.append(other.numbers(x, d).load)
+        loads.append(other.values(x, d).load)
     errors = np.abs(np.array(loads[:-1]) - loads[-1])
     assert np.all(errors[1:] < 0.1 * errors[:-1])
     assert errors[-1] < 1e-8
@@ -604,7 +604,7 @@ def test_where_a_ring_opens_in_a_stiff_film_does_not_depend_on_how_far_its_panel
     """A film that ends steeply just beyond the last panel that ends: the one to infinity sees next to nothing of it."""
     contact = cb.Contact(cb.PowerLaw(4.266, 1.0), cb.Gauss(1.0, 0.055084)).to_reduced()
     coarse, fine = (first_change(contact, accuracy, 0.01, cb.Axisymmetric()) for accuracy in (1e-4, 1e-6))
-    for value, error, exact, rest in zip(coarse.values, coarse.error, fine.values, fine.error, strict=True):
+    for value, error, exact, rest in zip(coarse.numbers, coarse.error, fine.numbers, fine.error, strict=True):
         assert abs(value - exact) <= error + rest
 
 
