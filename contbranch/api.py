@@ -25,7 +25,7 @@ from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_redu
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError, number_of
 from contbranch.models.choice import choose, curves
-from contbranch.results.diagram import Cost, Diagram, ModelChoice, Solution, State
+from contbranch.results.diagram import Branch, Cost, Diagram, ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
 from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES, Values
@@ -100,7 +100,7 @@ def trace(
         request = replace(asked.request, target=_limit(contact, max_load), modes=modes)
         raw = asked.answer(partial(asked.curves.trace, request), no_curve())
         asked.refuse_below(request, raw)
-        message = asked.noted(raw.message, raw)
+        message = asked.noted(raw.message, raw.branch)
         raw = replace(raw, cost=asked.timed(raw.cost), message=message)
         diagram = assemble(contact, raw, asked.choice(raw.unknowns), asked.control, accuracy)
     return watch.passed(diagram)
@@ -309,7 +309,7 @@ def hysteresis(
         route = asked.answer(partial(asked.curves.path, request), Route())
         curve = route.curve
         asked.refuse_below(request, curve)
-        route = replace(route, message=asked.noted(route.message, curve))
+        route = replace(route, message=asked.noted(route.message, curve.branch))
         found = loop(contact, route, asked.control, asked.choice(curve.unknowns), asked.timed(curve.cost))
     return watch.passed(found)
 
@@ -412,14 +412,14 @@ class _Asked:
 
     def refuse_below(self, request: Request, curve: RawCurve) -> None:
         """Raise InputError for a largest load below that with which the curve begins."""
-        if request.target is not None and len(curve.load) and request.target <= curve.load[0]:
+        if request.target is not None and len(curve.branch) and request.target <= curve.branch.load[0]:
             unit = self.contact.scales.load
             raise InputError(
                 f"max_load: {request.target * unit:g}; must be greater than the load with which the curve begins, "
-                f"{curve.load[0] * unit:.4g}"
+                f"{curve.branch.load[0] * unit:.4g}"
             )
 
-    def noted(self, message: str, *reached: RawCurve | State) -> str:
+    def noted(self, message: str, *reached: Branch | State) -> str:
         """A message, and what is to be said of states outside of the theory or of what describes the contact."""
         scales = self.contact.scales
         load, shift, radius = (

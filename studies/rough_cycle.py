@@ -137,7 +137,7 @@ def indices(cycle: Cycle, count: int) -> list[tuple[int, int, bool]]:
 
     Rows are taken in the middle between folds: the longest such parts, as many unstable ones as stable ones.
     """
-    folds = [0, *sorted(cycle.walk.folds), len(cycle.curve.load) - 1]
+    folds = [0, *sorted(cycle.walk.folds), len(cycle.curve.branch.load) - 1]
     parts = sorted(pairwise(folds), key=lambda pair: pair[0] - pair[1])
     unstable = cycle.walk.unstable
     longest = [pair for pair in parts if unstable[pair[0]] == 0][: count // 2]
@@ -145,7 +145,7 @@ def indices(cycle: Cycle, count: int) -> list[tuple[int, int, bool]]:
     found = []
     for first, last in sorted(longest):
         row = (first + last) // 2
-        expected, point = int(cycle.curve.unstable_displacement[row]), cycle.walk.track.points[row]
+        expected, point = int(cycle.curve.branch.unstable_displacement[row]), cycle.walk.track.points[row]
         found.append((row, expected, cycle.problem.unstable(point.x, point.parameter) == expected))
     return found
 
@@ -232,7 +232,7 @@ def draw(cycle: Cycle, path: Path = FIGURE) -> Figure:
 
 def _curve(axes: Axes, cycle: Cycle) -> None:
     scales, walk = cycle.contact.scales, cycle.walk
-    d, load = cycle.curve.displacement * scales.normal, cycle.curve.load * scales.load
+    d, load = cycle.curve.branch.displacement * scales.normal, cycle.curve.branch.load * scales.load
     changes = np.flatnonzero(np.diff(walk.unstable > 0)) + 1
     for first, last in pairwise([0, *changes.tolist(), len(walk.unstable)]):
         stable = walk.unstable[first] == 0

@@ -217,7 +217,7 @@ class FollowedCurves:
         if window is None:
             # Farther away than the trace begins, too; and what is solved for lies beside rows by more than it is told.
             solved = [value] if field == "displacement" else [one.found.numbers[1] for one in known]
-            reached = [*curve.displacement, *solved] or [0.0]
+            reached = [*curve.branch.displacement, *solved] or [0.0]
             window = (float(min(reached)), float(max(reached)))
         searched = track.problem(0).complete_by if track.points else ""
         others: list[Found] | None = []

@@ -338,7 +338,7 @@ class EventCurve:
         if self.condition.edge is not None:
             held = replace(held, parameter=self.condition.edge)
         event = self.condition.at(point.parameter)
-        return self._scaled(refine(held, event, self.accuracy) if precise else by_defect(held, event), point)
+        return self._scaled(refine(held, event, self.accuracy) if precise else by_defect(held), point)
 
     def _special(self, k: int) -> Special | None:
         """A point of codimension two made precise; None at other points."""

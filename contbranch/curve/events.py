@@ -13,21 +13,17 @@ from contbranch.arrays import Array
 from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
 from contbranch.continuation.walk import annotated
 from contbranch.continuation.zeros import NEIGHBOURS, Bracket, Functions, Search
-from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.control import LOAD, Control
 from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
 
-__all__ = ["NEGATIVE", "Balanced", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
+__all__ = ["NEGATIVE", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
 
 # Share of a step in which rounding of load and displacement hides their folds.
 SHORTEST_PART = 2.0**-12
 # Width, relative to its place in the step, to which a fold is located.
 ROUNDOFF = 4.0 * float(np.finfo(float).eps)
-# Where its target was passed long ago, a curve ends where another step would raise what is controlled by this share.
-RISES = 1e-3
 # Margins may be below zero by less than this: a piece may begin a little before its layout is right.
 NEGATIVE = 2e-3
-# A rate that is zero, with a sign.
-TINY = 1e-300
 
 
 def rates(point: Point) -> tuple[float, float]:
@@ -41,12 +37,8 @@ class Slopes:
     def __init__(self) -> None:
         self._known: dict[tuple[int, int], tuple[Point, Rates]] = {}
 
-    def __call__(self, point: Point) -> tuple[float, float]:
-        """Rates of load and displacement at a point."""
-        return self.rates(point)[:2]
-
-    def rates(self, point: Point) -> Rates:
-        """All rates at a point."""
+    def __call__(self, point: Point) -> Rates:
+        """The rates at a point."""
         state = id(point.x), id(point.problem)
         if state not in self._known:
             self._known[state] = point, rates_of(point)
@@ -81,20 +73,7 @@ class FoldEvent(Event):
             return rate
         own = values_of(point)
         size = math.hypot(found.load / max(1.0, abs(own.load)), found.displacement / max(1.0, abs(own.displacement)))
-        return rate / max(math.hypot(size, found.contact_radius, found.central_gap), TINY)
-
-
-@dataclass(frozen=True)
-class Balanced(FoldEvent):
-    """A fold by the slope of the curve, which is minus the control's stiffness there: for states where all rates rest.
-
-    Displacement, whose fold has an infinite slope, is told by its rate.
-    """
-
-    def value(self, point: Point) -> float:
-        """dF/dd + K, or the rate of what is controlled where the slope is not known."""
-        slope = None if self.control == DISPLACEMENT else equilibrium(point).slope(point.x, point.parameter)
-        return super().value(point) if slope is None else slope + self.control.stiffness
+        return rate / max(math.hypot(size, found.contact_radius, found.central_gap), float(np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)
@@ -170,14 +149,10 @@ class Ceiling(Event):
         begin, end = segment.begin, segment.end
         if self.value(end) < 0.0 or not self.counts(end):
             return []
-        arrive = self._rate(end)
-        if self.value(begin) >= 0.0:
-            clear = arrive * segment.scale_end > RISES * abs(self.value(end) + self.target)
-            return [Happening(1.0, EventPoint(end, 0.0, 0.0, name=self.name), terminal=True)] if clear else []
-        return super().happenings(segment, previous, options)[:1]
-
-    def _rate(self, point: Point) -> float:
-        return Reached(self.control, self.target).rate(rates_of(point))
+        if self.value(begin) < 0.0:
+            return super().happenings(segment, previous, options)[:1]
+        rises = Reached(self.control, self.target).rate(rates_of(end)) > 0.0
+        return [Happening(1.0, EventPoint(end, 0.0, 0.0, name=self.name), terminal=True)] if rises else []
 
 
 @dataclass(frozen=True)
@@ -215,7 +190,7 @@ class Folds(Event):
     name = "fold"
 
     def __init__(self, controls: Sequence[Control], told: Callable[[Point], None], slopes: Slopes) -> None:
-        self.controls, self.told, self._rates = controls, told, slopes
+        self.controls, self.told, self.slopes = controls, told, slopes
         self._past: list[Point] = []
 
     def value(self, point: Point) -> float:
@@ -223,7 +198,7 @@ class Folds(Event):
         return float(self._along(point)[0])
 
     def _along(self, point: Point) -> Array:
-        return np.array([control.weighted(*self._rates(point)) for control in self.controls])
+        return np.array([control.weighted(*self.slopes(point)[:2]) for control in self.controls])
 
     def _held(self, point: Point) -> Array:
         own = point.observables or values_of(point)._asdict()

@@ -148,8 +148,8 @@ def _origin(event: Event) -> tuple[Origin, Point]:
     if event.kind not in FOLLOWED:
         raise InputError(f"event: {event.kind}; only folds, first touch and losses of symmetry can be followed")
     origin = event.origin
-    place = origin.raw.place if isinstance(origin, Origin) else None
-    if not isinstance(origin, Origin) or place is None or type(place.problem).member is EquilibriumProblem.member:
+    place = origin.raw.point if isinstance(origin, Origin) else None
+    if not isinstance(origin, Origin) or place is None or type(equilibrium(place)).member is EquilibriumProblem.member:
         raise InputError(
             "event: its state is not kept, for it was loaded, found on a grid, or its contact set is not a disc (as of "
             "repulsive maugis-dugdale laws); only an event of a fresh trace by the exact or axisymmetric model, with a "

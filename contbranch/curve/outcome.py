@@ -6,12 +6,10 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 
-from contbranch.arrays import Array, Integers
 from contbranch.contact.contact import Contact
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.law_check import jumping
@@ -21,9 +19,10 @@ from contbranch.continuation import CorrectionError
 from contbranch.control import Control, Spring, as_control
 from contbranch.curve.naming import fold_name, number_layers, signs_of, threshold_events
 from contbranch.curve.problem import equilibrium
+from contbranch.curve.refine import Found
 from contbranch.errors import InputError
 from contbranch.results.diagram import Branch, Cost, Diagram, Event, Exponent, LocalExponent, ModelChoice, State
-from contbranch.results.profile import CellFields, ModeShape, Profile
+from contbranch.results.profile import ModeShape
 from contbranch.results.record import OBSERVABLES, Record, later
 from contbranch.threads import one_thread
 from contbranch.watch import over
@@ -38,28 +37,31 @@ STIFFEST = 128, 1000
 Kind = TypeVar("Kind", bound=Record)
 
 
-@dataclass(frozen=True)
-class RawEvent:
-    """An event in reduced units.
+@dataclass(frozen=True, kw_only=True)
+class RawEvent(Found):
+    """An event in reduced units, with the point of the model from which it can be followed.
 
     Attributes
     ----------
+    kind : str
     row : int
         Its row among the curve's.
-    before, after : int
-        Morse indices under its control on both sides along the curve (folds).
+    control : str or None
+        Of a fold.
+    stable : bool
+        Whether a stable part of the curve ends here under the control (folds).
     maximum : bool
         Whether the control has a maximum here (folds).
+    message : str
+    name : str or None
     stiffness : float or None
         Of the spring (folds of a spring).
+    margin : str
+        Of the point's problem, which vanishes there; empty for a fold, and where its parameter is known.
     position : float or None
         Place on the curve in units of rows, where it is not the row.
     mode, index, mode_shape : int, int, ModeShape
         The azimuthal mode, which of its eigenvalues, and the shape (symmetry).
-    place : object
-        Where the model has it, from which it can be followed; None if it cannot.
-    margin : str
-        Of the place's problem, which vanishes there; empty for a fold, and where its parameter is known.
     exponent, local_exponent : callable
         Deferred, since they cost further solutions.
     verdict : str or None
@@ -68,16 +70,12 @@ class RawEvent:
 
     kind: str
     row: int
-    values: tuple[float, float, float, float]
-    error: tuple[float, float, float, float]
     control: str | None = None
-    before: int = 0
-    after: int = 0
+    stable: bool = False
     maximum: bool = False
     message: str = ""
     name: str | None = None
     stiffness: float | None = None
-    place: Any = None
     margin: str = ""
     position: float | None = None
     mode: int | None = None
@@ -90,12 +88,17 @@ class RawEvent:
 
 @dataclass(frozen=True)
 class RawCurve:
-    """One connected curve in reduced units; arrays over its rows.
+    """One connected curve in reduced units.
 
     Attributes
     ----------
-    row_errors : array (M, 2) or callable
-        Error estimates of load and displacement, or what computes them.
+    branch : Branch
+        Its rows.
+    events : sequence of RawEvent
+    complete : bool
+    message : str
+    cost : Cost
+    unknowns : int
     doubtful : bool
         Whether rows and events contradict each other.
     others : sequence of RawCurve
@@ -103,41 +106,21 @@ class RawCurve:
         already in those of the curve.
     """
 
-    load: Array
-    displacement: Array
-    contact_radius: Array
-    central_gap: Array
-    energy: Array
-    unstable_load: Integers
-    unstable_displacement: Integers
-    row_errors: Array | Callable[[], Array]
-    profiles: Sequence[Callable[[], Profile]]
+    branch: Branch
     events: Sequence[RawEvent]
     complete: bool
     message: str
     cost: Cost
     unknowns: int
-    unstable_spring: Integers | None = None
-    unstable_azimuthal: Integers | None = None
-    critical: Callable[[], Array] | None = None
-    fft_pairs: Integers | None = None
-    contact_area: Array | None = None
-    contact_perimeter: Array | None = None
-    cells: Sequence[Callable[[], CellFields]] = ()
     doubtful: bool = False
     others: Sequence[RawCurve] = ()
-
-    @cached_property
-    def errors(self) -> Array:
-        """Error estimates of load and displacement at the rows, (M, 2)."""
-        return self.row_errors() if callable(self.row_errors) else self.row_errors
 
 
 def no_curve(message: str = "", cost: Cost | None = None, unknowns: int = 0) -> RawCurve:
     """A curve without rows."""
     empty, none = np.empty(0), np.empty(0, dtype=np.int64)
-    said = message, cost or Cost(0.0, 0), unknowns
-    return RawCurve(*(empty,) * 5, none, none, np.empty((0, 2)), (), (), False, *said, unstable_spring=none)
+    branch = Branch(*(empty,) * 5, none, none, load_error=empty, displacement_error=empty, unstable_spring=none)
+    return RawCurve(branch, (), False, message, cost or Cost(0.0, 0), unknowns)
 
 
 @dataclass(frozen=True)
@@ -216,7 +199,7 @@ def _local_exponent(scales: Scales, raw: RawEvent, name: str) -> LocalExponent:
     if raw.local_exponent is None:
         raise InputError(f"event: this {name} has no exponent: it is a corner, or nodes' own")
     found = raw.local_exponent()
-    order = "contact_radius" if raw.values[2] > 0 or raw.kind == "touch" else "central_gap"
+    order = "contact_radius" if raw.numbers[2] > 0 or raw.kind == "touch" else "central_gap"
     return replace(
         found,
         excess=found.excess * unit_of_control(scales, raw.control),
@@ -230,8 +213,8 @@ def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]
     for raw in events:
         name = raw.name
         artefact = raw.verdict in ("vanishes", "unresolved")
-        if raw.kind == "fold" and name is None and min(raw.before, raw.after) == 0 and not artefact:
-            name = fold_name(signs, raw.control, raw.values[0], raw.maximum)
+        if raw.kind == "fold" and name is None and raw.stable and not artefact:
+            name = fold_name(signs, raw.control, raw.numbers[0], raw.maximum)
         names.append(name)
     return number_layers(names, [raw.control for raw in events], contact.interaction)
 
@@ -243,27 +226,16 @@ def _event(contact: Contact, raw: RawEvent, name: str | None, branch: int, model
         shape = replace(shape, r=shape.r * scales.in_plane, pressure=shape.pressure * slope)
     return Event(
         **{key: getattr(raw, key) for key in ("kind", "control", "message", "mode", "verdict")},
-        **measured(raw.values, scales),
+        **measured(raw.numbers, scales),
         error=measured(raw.error, scales),
         name=name,
         stiffness=None if raw.stiffness is None else raw.stiffness * scales.stiffness,
         branch=branch,
         position=float(raw.row) if raw.position is None else raw.position,
         mode_shape=shape,
-        origin=None if raw.place is None else Origin(contact, raw, model),
+        origin=Origin(contact, raw, model),
         critical=None if source is None else one_thread(lambda: _exponent(scales, source(), raw.control)),
     )
-
-
-def _branch(scales: Scales, curve: RawCurve) -> Branch:
-    alike = {item.name for item in fields(Branch)} & {item.name for item in fields(RawCurve)}
-    reduced = Branch(
-        **{name: getattr(curve, name) for name in alike},
-        load_error=later(lambda: curve.errors[:, 0]),
-        displacement_error=later(lambda: curve.errors[:, 1]),
-        critical_eigenvalue=curve.critical and later(one_thread(curve.critical)),
-    )
-    return in_units(reduced, scales)
 
 
 def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Control, accuracy: float) -> Diagram:
@@ -286,7 +258,7 @@ def assemble(contact: Contact, curve: RawCurve, choice: ModelChoice, control: Co
 
     return Diagram(
         contact=contact,
-        branches=tuple(_branch(contact.scales, own) for own in curves),
+        branches=tuple(in_units(own.branch, contact.scales) for own in curves),
         events=events,
         thresholds={name: getattr(event, key) for name, (event, key) in named.items()},
         model=choice,
@@ -326,8 +298,8 @@ def _sensitivities(
     sensitivities: Sensitivities | None = None
     known: dict[int, dict[str, dict[str, float]]] = {}
     for event, _ in thresholds.values():
-        place = None if event.origin is None else event.origin.raw.place
-        if place is None or not equilibrium(place).has_family:
+        place = event.origin.raw.point
+        if not equilibrium(place).has_family:
             return None
         if id(event) not in known:
             driven = event.control if event.stiffness is None else Spring(event.stiffness)

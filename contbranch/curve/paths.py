@@ -17,7 +17,6 @@ from contbranch.control import LOAD, Control
 from contbranch.curve.outcome import RawEvent
 from contbranch.curve.problem import AstrayError, Values, equilibrium, rates_of, values_of
 from contbranch.curve.quasi_static import Stop, next_along
-from contbranch.curve.refine import Found
 from contbranch.curve.solve import Crossing, before, crossing, energy_at, seen, state_on
 from contbranch.curve.tolerances import QUADRATURE_SHARE
 from contbranch.curve.track import Track, linked
@@ -49,7 +48,7 @@ class CurveWalk:
         Folds from which the relaxation ends in a state that is not on the curve, and that state.
     """
 
-    track: Track = field(default_factory=lambda: Track((), {}, frozenset(), ()))
+    track: Track = field(default_factory=Track)
     events: Sequence[RawEvent] = ()
     control: Control = LOAD
     accuracy: float = 0.0
@@ -62,7 +61,7 @@ class CurveWalk:
     @property
     def relaxes_off_curve(self) -> bool:
         """Whether stable states need not lie on the curve: relaxations are then always followed."""
-        return self.track.problem(0).relaxes_off_curve
+        return not self.track.problem(0).refinable
 
     @cached_property
     def values(self) -> Array:
@@ -93,7 +92,7 @@ class CurveWalk:
     def folds(self) -> dict[int, Stop]:
         """The folds of the control, by row."""
         own = (event for event in self.events if event.kind == "fold" and event.control == self.control.kind)
-        return {e.row: self._stop(Crossing(self._piece(e.row), Found(e.values, e.error, e.place)), e.row) for e in own}
+        return {e.row: self._stop(Crossing(self._piece(e.row), e), e.row) for e in own}
 
     def row(self, row: int) -> State:
         """The state of a row, without profile."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -15,7 +15,7 @@ from contbranch.continuation.newton import tangent_at
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import annotated
 from contbranch.control import Control
-from contbranch.curve.tolerances import ROW_SAFETY
+from contbranch.curve.tolerances import DEFECT_SAFETY
 from contbranch.results.diagram import Cost, State
 from contbranch.results.profile import ModeShape, Profile
 
@@ -41,12 +41,11 @@ __all__ = [
     "equilibrium",
     "oriented",
     "rates_of",
-    "valued",
     "values_of",
 ]
 
 # Of load, displacement, contact radius and central gap.
-Four = tuple[float, float, float, float]
+Four = tuple[float, ...]
 
 STEPS = Options(
     angle=0.3,
@@ -226,19 +225,18 @@ class EquilibriumProblem(Problem):
         Why the curve holds every equilibrium there is, as the end of a sentence; empty where that is not known.
     refinable : bool
         Whether finer discretisations bring errors below the accuracy asked. Otherwise they are stated, rows lie as
-        close as the discretisation lets them, and nothing is computed between them unless a value is asked there.
-    relaxes_off_curve : bool
-        Whether stable states need not lie on the curve, so that the relaxation from a fold is followed always.
-    rows_between : bool
-        Whether rows are added between those of the steps where straight lines stray from the curve.
+        close as the discretisation lets them, and nothing is computed between them unless a value is asked there:
+        lines between them need not show the curve. Stable states need not lie on the curve either, so that the
+        relaxation from a fold is followed always.
+    row_safety : float
+        Factor of `defect` in the error estimates of rows.
     """
 
     scale: float
     work: Work
     complete_by: ClassVar[str] = ""
     refinable: ClassVar[bool] = True
-    relaxes_off_curve: ClassVar[bool] = False
-    rows_between: ClassVar[bool] = True
+    row_safety: ClassVar[float] = DEFECT_SAFETY
 
     @property
     def convex(self) -> bool:
@@ -388,10 +386,6 @@ class EquilibriumProblem(Problem):
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Derivatives of load, displacement, contact radius and central gap along a direction, exact."""
 
-    def slope(self, x: Array, p: float) -> float | None:
-        """dF/dd of the curve, where it is known apart from the rates: both may rest next to a change of contact."""
-        return None
-
     @property
     def grain(self) -> float:
         """Length along the curve within which it tells no curvature."""
@@ -478,13 +472,12 @@ class EquilibriumProblem(Problem):
         return 0.0
 
     def row_error(self, point: Point) -> tuple[float, float]:
-        """Error estimates of load and displacement at a row: those of one Newton step on a finer discretisation."""
-        defect, left_out, own = self.defect(point), self.left_out(point.x, point.parameter), point.observables
+        """Error estimates of load and displacement at a row, from `defect`."""
+        own, left_out = point.observables, self.left_out(point.x, point.parameter)
+        values = np.array([own["load"], own["displacement"]])
         floor = ROW_FLOOR if self.finer() is not self else self.rounding
-        load, displacement = (
-            ROW_SAFETY * abs(error) + floor * max(1.0, abs(own[name])) + besides
-            for error, name, besides in zip(defect[:2], ("load", "displacement"), left_out[:2], strict=True)
-        )
+        error = self.row_safety * np.abs(self.defect(point)[:2]) + floor * np.maximum(1.0, np.abs(values))
+        load, displacement = (error + left_out[:2]).tolist()
         return load, displacement
 
     def error_rows(self, count: int) -> Sequence[int]:
@@ -536,10 +529,6 @@ class EquilibriumProblem(Problem):
         """
         return self
 
-    def coarser(self, point: Point, tolerance: float) -> Self:
-        """A discretisation with fewer unknowns that serves a tolerance at a state; itself if there is none."""
-        return self
-
     def defect(self, point: Point) -> Defect:
         """Estimated discretisation errors of a point: of its load and displacement, and of its state."""
         return Defect(0.0, 0.0, 0.0)
@@ -552,10 +541,6 @@ class EquilibriumProblem(Problem):
     def close_to(self, point: Point) -> Self:
         """The same problem with what moves along the whole curve alone, which is enough close to a point."""
         return self
-
-    def still(self, x: Array) -> tuple[EquilibriumProblem, Array]:
-        """The problem on the discretisation that a state has, which stays where it is, and the state."""
-        return self, x
 
     @property
     def size(self) -> int:
@@ -667,11 +652,6 @@ def values_of(point: Point) -> Values:
 def rates_of(point: Point) -> Rates:
     """The rates of that along the unit tangent."""
     return equilibrium(point).rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-
-
-def valued(point: Point) -> Point:
-    """The point with the values of its state."""
-    return replace(point, observables=values_of(point)._asdict())
 
 
 def alike(values: Values, one: Rates, other: Rates) -> bool:

@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contbranch.continuation import CorrectionError, Event, Options, Point, find_root
+from contbranch.arrays import Array
+from contbranch.continuation import CorrectionError, Event, Options, Point
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.newton import evaluating
 from contbranch.continuation.walk import corrected_point, unit_tangent
 from contbranch.curve.events import Reached
 from contbranch.curve.problem import EquilibriumProblem, Four, Rates, equilibrium, rates_of, values_of
+from contbranch.curve.tolerances import DEFECT_SAFETY
 from contbranch.errors import ModelError
 
 __all__ = [
@@ -23,26 +25,24 @@ __all__ = [
 ]  # fmt: skip
 
 OPTIONS = Options(tolerance=1e-13, noise=1e8, patience=5)
-# The finer discretisation has an error of its own, and its event is found to first order only.
-SAFETY = 3.0
-# Least error estimate as a share of the accuracy: both discretisations may happen to agree.
+# Least error estimate as a share of the accuracy, since both discretisations may happen to agree.
 LEAST_ERROR_SHARE = 0.003
 # Discretisations for an event aim at this part of the accuracy, since position adds its own error, in so many rounds.
 RESOLVING_SHARE, RESOLVING_ROUNDS = 0.25, 3
-# Times that a discretisation is replaced by its finer one, and the number of unknowns at which that ends.
-ROUNDS, LARGEST = 7, 2200
+# Number of unknowns at which a discretisation is no longer replaced by its finer one.
+LARGEST = 2200
 # A finer one that leaves more than this share of the error has not helped.
 GAIN = 0.3
 # Where higher order does not help, panels are halved for this share of the error wanted, in the end all.
-HALVED_SHARES = 1.0, 0.1, 0.0
+HALVED_SHARES = 0.1, 0.0
+# An event is located to this share of the accuracy.
+ENOUGH = 1e-4
 # The parameter itself is the coordinate along the curve where it makes up this share of the tangent's length.
 UPRIGHT_COSINE = 0.3
 # Secant steps towards an event, and the longest of them, in units of the line.
 ITERATIONS, LONGEST = 14, 0.2
 # First secant step, in units of the line; where the curve is not found a longer one is shortened by the second factor.
 FIRST_STEP, RETREAT = 1e-5, 0.2
-# An event is located to this share of the accuracy.
-ENOUGH = 1e-4
 
 
 @dataclass(frozen=True)
@@ -64,19 +64,14 @@ class Found:
 
 @dataclass(frozen=True)
 class _Place:
-    """A point near an event, the derivative of the event along the curve, and what is left open of the place.
+    """A point near an event, the derivative of the event along the curve, and how far away the event may be.
 
-    Both in lengths of the point's own tangent, which another discretisation takes over: its coordinate along the curve
-    may be another. Besides the accuracy asked, whether the point is a solution to rounding, and the line that it is
-    the origin of, if there is one with a matrix.
+    Both are in lengths of the point's own tangent, which another discretisation takes over.
     """
 
     point: Point
-    accuracy: float
     steepness: float = 0.0
     uncertainty: float = 0.0
-    settled: bool = False
-    line: _Line | None = None
 
 
 def numbers(point: Point) -> Four:
@@ -131,9 +126,7 @@ def at_parameter(point: Point) -> Point:
     CorrectionError
         If Newton's method fails.
     """
-    line = _Line(point)
-    line.upright = True
-    return line.at(0.0, point)
+    return _Line(point, by_parameter=True).at(0.0, point)
 
 
 def further(point: Point, length: float) -> Point:
@@ -144,20 +137,19 @@ def further(point: Point, length: float) -> Point:
     CorrectionError
         If Newton's method fails.
     """
-    line = _Line(point)
-    line.upright |= line.problem.ordered
+    line = _Line(point, by_parameter=equilibrium(point).ordered)
     return line.at(math.copysign(1.0, point.tangent_parameter) * length if line.upright else length, point)
 
 
 class _Line:
     """A coordinate along the curve through a point: the parameter where that serves, otherwise the arclength."""
 
-    def __init__(self, point: Point) -> None:
+    def __init__(self, point: Point, by_parameter: bool = False) -> None:
         problem = equilibrium(point)
         self.problem, self.metric = problem, problem.metric(point.x)
         size = self.metric.norm(problem, point.tangent_x, point.tangent_parameter)
         self.direction = point.tangent_x / size, point.tangent_parameter / size
-        self.upright = upright(point)
+        self.upright = by_parameter or upright(point)
         self.origin = point
         self.matrix: Bordered | None = None
         # Places next to the edge of a representation matter relative to their distance from it.
@@ -191,75 +183,49 @@ class _Line:
         return Rates(*(rate * speed for rate in own))
 
 
-def _carried(place: _Place, problem: EquilibriumProblem, event: Event | None) -> _Place:
-    """A place on another discretisation: the equilibrium next to it, which its event may yet be away from.
+def _located(place: _Place, event: Event | None, accuracy: float, problem: EquilibriumProblem | None = None) -> _Place:
+    """The zero of the event function near a place, by secants; without an event the place at its own parameter.
+
+    The event is located on the problem of the place unless another one is given.
 
     Raises
     ------
     CorrectionError
         If the curve cannot be followed there.
     """
-    point = moved(place.point, problem)
+    point = moved(place.point, problem or equilibrium(place.point))
     if event is None:
-        return replace(place, point=at_parameter(point), settled=True)
+        return _Place(at_parameter(point))
     line = _Line(point)
-    there = line.at(0.0, point)
-    change = line.speed(point) / line.speed(there)
-    steepness, uncertainty = place.steepness * change, place.uncertainty / abs(change)
-    return _Place(there, place.accuracy, steepness, uncertainty, settled=True, line=line)
-
-
-def _located(place: _Place, event: Event | None) -> _Place:
-    """The zero of the event function near a place; the place itself without an event.
-
-    Secants lead to a bracket of the zero, or to the zero itself. How far it may still be away counts as its
-    uncertainty, a small share of the accuracy.
-
-    Raises
-    ------
-    CorrectionError
-        If the curve cannot be followed there.
-    """
-    if event is None:
-        return place if place.settled else replace(place, point=at_parameter(place.point), settled=True)
-    line = place.line or _Line(place.point)
-    enough = ENOUGH * place.accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
+    steepness = place.steepness * line.speed(point)
+    if point is not place.point:
+        point = line.at(0.0, point)
+    enough = ENOUGH * accuracy if line.problem.size > 1 else 0.0  # what is not discretised has all its digits
     least = max(line.problem.rounding, enough) * line.unit
-    s, point = 0.0, place.point if place.settled else line.at(0.0, place.point)
-    seen = {0.0: (event.value(point), point)}
-
-    def value(there: float) -> float:
-        near = min(seen, key=lambda known: abs(known - there))
-        beyond = line.at(there, seen[near][1], near)
-        seen[there] = event.value(beyond), beyond
-        return seen[there][0]
-
-    steepness = place.steepness * line.speed(place.point)
+    s, left = 0.0, event.value(point)
     if isinstance(event, Reached):
         steepness = event.rate(line.rates(point))
-    step = -seen[s][0] / steepness if steepness else FIRST_STEP * line.unit
+    step = -left / steepness if steepness else FIRST_STEP * line.unit
+    best = left, point
     for _ in range(ITERATIONS):
         step = math.copysign(min(abs(step), LONGEST * line.unit), step)
         if not abs(step) > least:
             break
-        before = seen[s][0]
         try:
-            there = value(s + step)
+            point = line.at(s + step, point, s)
         except CorrectionError:
             step *= RETREAT
             if abs(step) > least:
                 continue
             raise
-        steepness = (there - before) / step
-        if there * before < 0.0:
-            find_root(value, (s, before), (s + step, there), least)
-            break
-        s += step
-        step = -there / steepness if steepness else 0.0
-    left, point = min(seen.values(), key=lambda one: abs(one[0]))
+        before, left = left, event.value(point)
+        best = min(best, (left, point), key=lambda one: abs(one[0]))
+        s, steepness = s + step, (left - before) / step
+        step = -left / steepness if steepness else 0.0
+    left, point = best
     uncertainty = min((abs(left) + event.noise) / abs(steepness), 1e-3 * line.unit) if steepness else 0.0
     speed = line.speed(point)
-    return _Place(point, place.accuracy, steepness / speed, uncertainty * abs(speed), settled=True)
+    return _Place(point, steepness / speed, uncertainty * abs(speed))
 
 
 def refine(point: Point, event: Event | None, accuracy: float) -> Found:
@@ -278,63 +244,58 @@ def refine(point: Point, event: Event | None, accuracy: float) -> Found:
     accuracy : float
         Error allowed to all four numbers, relative to max(1, |value|).
     """
-    found = _refined(point, event, accuracy)
-    return _held(found, event) if isinstance(event, Reached) else found
-
-
-def _held(found: Found, event: Reached) -> Found:
-    """With what a value that is held, but read off with what is left out, or rounded, leaves open of the others."""
-    point, problem = found.point, equilibrium(found.point)
-    missed = event.left_out(point) + problem.rounding * max(1.0, abs(event.target))
-    if missed == 0.0:
-        return found
-    rates = rates_of(point)
-    steepness = abs(event.rate(rates)) or math.inf
-    held = "contact_radius" if event.control is None else event.control.kind
-    load, displacement, radius, gap = (
-        e if name == held or value == 0.0 else e + missed * abs(rate) / steepness
-        for name, e, rate, value in zip(rates._fields, found.error, rates, found.numbers, strict=True)
-    )
-    return replace(found, error=(load, displacement, radius, gap))
-
-
-def _refined(point: Point, event: Event | None, accuracy: float) -> Found:
-    point, best = _measured(point), None
+    point = _measured(point)
+    best: Found | None = None
     stated = equilibrium(point).stated(point, event)
     if stated is not None:
-        return Found(numbers(point), stated, point)
-    for place in _places(point, event, accuracy):
+        best = Found(numbers(point), stated, point)
+    for place in _places(point, event, accuracy) if best is None else ():
         found = _best(place, event, accuracy)
         if found is not None and (best is None or found.relative_error() < best.relative_error()):
             best = found
         if best is not None and best.relative_error() <= accuracy:
             break
-    return best or by_defect(point, event)
+    best = best or by_defect(point, located=event is None)
+    return _held(best, event) if isinstance(event, Reached) else best
+
+
+def _held(found: Found, event: Reached) -> Found:
+    """With what a value that is held, but read off with what is left out, or rounded, leaves open of the others."""
+    point, problem = found.point, equilibrium(found.point)
+    rates = rates_of(point)
+    missed = event.left_out(point) + problem.rounding * max(1.0, abs(event.target))
+    besides = _along(point, missed / (abs(event.rate(rates)) or math.inf))
+    held = "contact_radius" if event.control is None else event.control.kind
+    besides[[name == held or value == 0.0 for name, value in zip(rates._fields, found.numbers, strict=True)]] = 0.0
+    return replace(found, error=tuple((found.error + besides).tolist()))
+
+
+def _along(point: Point, length: float) -> Array:
+    """By how much load, displacement, contact radius and gap change over a length along the curve."""
+    return np.array([abs(rate) * length if rate and length else 0.0 for rate in rates_of(point)])
 
 
 def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Place]:
     """Where to begin: on discretisations made for the event, and on the point's own, which may turn out better."""
-    place, own = _Place(point, accuracy, settled=event is not None), equilibrium(point)
+    own = equilibrium(point)
     if own.moves:  # what resolves the event itself would not resolve the way to it
         with suppress(CorrectionError, ModelError):  # the whole that moves serves as well
-            place = _located(place, event)
-            point = place.point
-            yield _carried(place, own.close_to(point), event)
-        yield place
+            point = _located(_Place(point), event, accuracy).point
+            yield _located(_Place(point), event, accuracy, own.close_to(point))
+        yield _Place(point)
     aimed = point
     try:
         for _ in range(RESOLVING_ROUNDS):
-            problem = equilibrium(aimed).resolving(aimed, RESOLVING_SHARE * accuracy)
-            if problem is aimed.problem:
+            carried = moved(aimed, equilibrium(aimed).resolving(aimed, RESOLVING_SHARE * accuracy))
+            if carried is aimed:
                 break
-            carried = moved(aimed, problem)
             aimed = at_parameter(carried) if event is None else settled(carried)
     except (CorrectionError, ModelError):
         aimed = point
     if aimed is not point:
-        yield _Place(aimed, accuracy, settled=True)
+        yield _Place(aimed)
     if not own.moves:
-        yield place
+        yield _Place(point)
 
 
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
@@ -346,83 +307,59 @@ def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:
     best: Found | None = None
     last, rough, shares = math.inf, False, iter(HALVED_SHARES)
     try:
-        place = _located(place, event)
+        place = _located(place, event, accuracy)
     except (CorrectionError, ModelError):
         return None
     try:
-        for _ in range(ROUNDS):
+        while True:
             problem = equilibrium(place.point)
-            others = [problem.finer(), *([problem.doubled()] if rough or problem.pieced else [])]
-            others = [other for other in others if other is not problem]
-            fine = [_located(_carried(place, other, event), event) for other in others]
+            doubled = problem.doubled() if rough or problem.pieced else problem
+            others = [other for other in (problem.finer(), doubled) if other is not problem]
+            fine = [_located(place, event, accuracy, other) for other in others]
             found = _compared(place, fine, accuracy)
-            if not fine:
-                return found
             error = found.relative_error()
             if best is None or error < best.relative_error():
                 best = found
-            if error <= accuracy or others[0].size > LARGEST or not problem.refinable:
-                break
+            if not fine or error <= accuracy or others[0].size > LARGEST or not problem.refinable:
+                return best
             rough |= error > GAIN * last
             last = error
             if not rough:
                 place = fine[0]
                 continue
-            share = next(shares, None)
-            if share is None:  # what is left is rounding
-                break
-            place = _located(
-                _carried(place, problem.halved(place.point, share * RESOLVING_SHARE * accuracy / error), event), event
-            )
+            halved = problem.halved(place.point, next(shares) * RESOLVING_SHARE * accuracy / error)
+            place = _located(place, event, accuracy, halved)
+    except StopIteration:  # what is left is rounding
+        return best
     except (CorrectionError, ModelError):
         # What has been reached stands, with its own error estimate.
-        return best or by_defect(place.point, event)
-    return best
+        return best or by_defect(place.point)
 
 
 def _compared(place: _Place, finer: Sequence[_Place], accuracy: float) -> Found:
     """The event with error estimates, by those on finer discretisations, if there are any."""
-    point, here, there = place.point, numbers(place.point), [numbers(one.point) for one in finer]
-    problem, moves = equilibrium(point), rates_of(point)
+    point, problem = place.point, equilibrium(place.point)
+    own = np.array(numbers(point))
+    off = np.max([np.abs(np.subtract(numbers(one.point), own)) for one in (place, *finer)], axis=0)
     floor = problem.rounding + (LEAST_ERROR_SHARE * accuracy if finer else 0.0)
-    uncertainty = max(one.uncertainty for one in (place, *finer))
-    off = np.max(np.abs(np.subtract([here, *there], here)), axis=0)
-
-    def error(a: float, off: float, rate: float, besides: float = 0.0) -> float:
-        unsettled = 2 * abs(rate) * uncertainty if uncertainty else 0.0  # what rounding leaves open
-        return SAFETY * off + floor * max(1.0, abs(a)) + unsettled + besides
-
-    left_out = problem.left_out(point.x, point.parameter)
-    load, displacement, radius, gap = (
-        # What is zero by its nature has no error: the radius without contact, the gap in contact, the load far away.
-        0.0 if a == change == 0.0 else error(a, float(change), rate, besides)
-        for a, change, rate, besides in zip(here, off, moves, left_out, strict=True)
-    )
-    missed = max((abs(point.parameter - one.point.parameter) for one in finer), default=0.0)
-    parameter = error(point.parameter, missed, point.tangent_parameter)
-    return Found(here, (load, displacement, radius, gap), point, parameter)
+    along = 2 * max(one.uncertainty for one in (place, *finer))  # what rounding leaves open
+    error = DEFECT_SAFETY * off + floor * np.maximum(1.0, np.abs(own)) + _along(point, along)
+    error += problem.left_out(point.x, point.parameter)
+    error[(own == 0.0) & (off == 0.0)] = 0.0  # zero by its nature: a radius without contact, a gap in contact
+    p = point.parameter
+    missed = max((abs(p - one.point.parameter) for one in finer), default=0.0)
+    of_parameter = DEFECT_SAFETY * missed + floor * max(1.0, abs(p)) + abs(point.tangent_parameter) * along
+    return Found(tuple(own.tolist()), tuple(error.tolist()), point, of_parameter)
 
 
-def by_defect(point: Point, event: Event | None) -> Found:
+def by_defect(point: Point, located: bool = True) -> Found:
     """The point with the error estimates of one Newton step, where a finer discretisation could not be followed.
 
-    An event that has not been located adds how far away it may be: at most the unit of its coordinate.
+    An event that is not `located` on the point's discretisation may be anywhere.
     """
     point = _measured(point)
-    problem = equilibrium(point)
-    defect, here, moves = problem.defect(point), numbers(point), rates_of(point)
-    line = _Line(point)
-    along = abs(defect.state) / (float(np.abs(point.tangent_x).max()) or math.inf)
-    if event is not None:
-        try:
-            step = FIRST_STEP * line.unit
-            change = event.value(line.at(step, point)) - event.value(point)
-            along += abs(line.speed(point) * step) * (abs(event.value(point) / change) if change else math.inf)
-        except (CorrectionError, ModelError):
-            along = math.inf
-        along = min(along, abs(line.speed(point)) * line.unit)
-    load, displacement, radius, gap = (
-        2 * SAFETY * abs(e) + problem.rounding * max(1.0, abs(v)) + (2 * abs(rate) * along if rate else 0.0)
-        for e, v, rate in zip((*defect[:2], 0.0, 0.0), here, moves, strict=True)
-    )
-    return Found(here, (load, displacement, radius, gap), point)
+    problem, own = equilibrium(point), numbers(point)
+    defect = problem.defect(point)
+    along = abs(defect.state) / (float(np.abs(point.tangent_x).max()) or math.inf) if located else math.inf
+    error = 2 * DEFECT_SAFETY * np.abs([defect.load, defect.displacement, 0.0, 0.0]) + _along(point, 2 * along)
+    return Found(own, tuple((error + problem.rounding * np.maximum(1.0, np.abs(own))).tolist()), point)

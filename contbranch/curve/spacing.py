@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.continuation import CorrectionError, Point, Segment
-from contbranch.continuation.walk import adapted, point_on
+from contbranch.continuation import CorrectionError, Point
+from contbranch.continuation.walk import adapted, annotated, point_on
 from contbranch.curve.events import Slopes
-from contbranch.curve.problem import STEPS, equilibrium, valued
+from contbranch.curve.problem import STEPS, equilibrium
 from contbranch.curve.track import linked, piece
 
 __all__ = ["Spacing"]
@@ -21,8 +20,6 @@ SEEN = ("load", "displacement", "contact_radius")
 # A straight line between neighbouring rows strays at most about this far from the curve, in units of the curve's
 # extent in load, displacement and contact radius.
 STRAY = 0.002
-# How often a piece is divided for that.
-DIVISIONS = 4
 
 
 class Spacing:
@@ -47,7 +44,7 @@ class Spacing:
         length = float(np.linalg.norm(chord))
         widest = 0.0
         for point in (begin, end):
-            rates = self.slopes.rates(point)
+            rates = self.slopes(point)
             along = np.array([getattr(rates, name) for name in SEEN]) / self.extent
             across = float(np.linalg.norm(along - chord * (along @ chord) / length**2)) if length > 0.0 else 0.0
             widest = max(widest, math.atan2(across * length, float(along @ chord)))
@@ -59,26 +56,21 @@ class Spacing:
         Between two events, `marked`, that a drawing tells apart there is one at least: it shows the stability there.
         """
         apart = marked and float(np.linalg.norm((_seen(end) - _seen(begin)) / self.extent)) > STRAY
-        if not equilibrium(begin).rows_between or not (apart or self.stray(begin, end) > STRAY):
+        stray = self.stray(begin, end)
+        if not equilibrium(begin).refinable or not (apart or stray > STRAY):
             return []
+        parts = max(
+            math.ceil(math.sqrt(stray / STRAY)), 1 + apart
+        )  # the distance of an arc from its chord is quadratic
         try:
-            segment = piece(*(point if point.observables else valued(point) for point in linked(begin, end)))
-            found = self._divided(segment, DIVISIONS, 1 + apart)
+            segment = piece(*linked(begin, end))
+            shares = np.arange(1, parts) / parts
+            found = [annotated(point_on(segment, share, STEPS, precise=False)[0]) for share in shares.tolist()]
             # Where the end asked for a better discretisation, rows on the way there may do so, too.
             refined = end.problem is not begin.problem
             return [adapted(point, segment.metric, STEPS)[0] for point in found] if refined else found
         except CorrectionError:  # two rows that no piece of curve joins: nothing is known between them
             return []
-
-    def _divided(self, segment: Segment, divisions: int, least: int = 1) -> list[Point]:
-        """Rows inside a piece, evenly along its cubic: the distance of an arc from its chord falls like its square."""
-        stray = self.stray(segment.begin, segment.end)
-        parts = math.ceil(math.sqrt(stray / STRAY)) if divisions and stray > STRAY else least
-        inner = (valued(point_on(segment, k / parts, STEPS, precise=False)[0]) for k in range(1, parts))
-        found = []
-        for begin, end in pairwise([segment.begin, *inner, segment.end]) if parts > 1 else ():
-            found += [*self._divided(Segment(begin, end, segment.metric), divisions - 1), end]
-        return found[:-1]
 
 
 def _seen(point: Point) -> Array:

@@ -177,12 +177,10 @@ def _event(found: Found, position: float, event: SymmetryEvent, kind: str) -> Ra
     which = point.x, point.parameter, event.mode, event.index
     shape, named = equilibrium(point).mode_shape(*which), equilibrium(point).variations(*which)
     return RawEvent(
-        "symmetry",
-        int(position),
-        found.numbers,
-        found.error,
+        **vars(found),
+        kind="symmetry",
+        row=int(position),
         message=f"Stability to {named} is {kind} along the curve.",
-        place=point,
         position=position,
         mode=event.mode,
         index=event.index,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 __all__ = [
+    "DEFECT_SAFETY",
     "FINEST_ROWS",
     "LANDING_MARGIN",
     "ORDINARY_ROWS",
     "QUADRATURE_SHARE",
     "RETRY_FACTOR",
-    "ROW_SAFETY",
     "of_rows",
 ]
 
@@ -21,8 +21,8 @@ ORDINARY_ROWS = 3e-6
 # Rows that count themselves, as in integrals along the curve, are as accurate as events, but no more than this: Newton
 # steps along a curve end at a relative residual of 1e-9 (`problem.STEPS`).
 FINEST_ROWS = 1e-9
-# Error estimates of rows come from one Newton step on a finer discretisation, which has an error of its own.
-ROW_SAFETY = 3.0
+# Error estimates are differences to a finer discretisation, which has an error of its own, times this.
+DEFECT_SAFETY = 3.0
 # A path needs the curve beyond the value of the fold that it jumps from by this, as far as rows at the coarsest
 # accuracies may be off; tests/test_hysteresis.py has loops whose curves are continued.
 LANDING_MARGIN = 1e-3
@@ -33,4 +33,4 @@ QUADRATURE_SHARE = 0.1
 
 def of_rows(accuracy: float) -> float:
     """Error estimate allowed to rows that are to be as accurate as events."""
-    return max(FINEST_ROWS, accuracy) / ROW_SAFETY
+    return max(FINEST_ROWS, accuracy) / DEFECT_SAFETY

@@ -30,8 +30,6 @@ __all__ = ["Request", "follow_from", "trace"]
 END_FACTOR, LEAST_END = 1.4, 10.0
 # Changes of the problem after which a trace gives up.
 MOST_PROBLEMS = 80
-# Share of the first step that is taken where that leads to the end of the curve at once.
-SHORTER = 1e-3
 EDGE = "edge"
 # The margin where the contact has grown to the edge of the tip, where its description ends.
 TIP_EDGE = "tip-edge"
@@ -109,8 +107,7 @@ def follow_from(start: Point, request: Request, problem: EquilibriumProblem | No
 
 def _nothing(problem: EquilibriumProblem, request: Request, message: str) -> Track:
     """A curve that could not be begun."""
-    controls = request.controls
-    return Track((), {}, frozenset(), (), controls, complete=False, message=message.strip(), work=problem.work)
+    return Track(controls=request.controls, complete=False, message=message.strip(), work=problem.work)
 
 
 @dataclass(eq=False)
@@ -165,7 +162,7 @@ class _Tracing:
         if self.request.target is None:
             self.end.target = max(LEAST_END, END_FACTOR * start.observables["load"])
         if self.begins:
-            self.rows[0].mark("end", margin=EDGE, name=self.begins)
+            self.rows[0].mark("end", name=self.begins)
         joint = Succession("", start, (start,))
         for _ in range(MOST_PROBLEMS):
             following = self._piece(joint)
@@ -200,7 +197,7 @@ class _Tracing:
             self.message = f"{branch.end.message} {problem.ending('', last)}".strip()
             self.lost = branch.end.outcome is Outcome.STEP_TOO_SMALL or isinstance(branch.end.cause, UnresolvedError)
             return None
-        margin, name = name, problem.cause(name, last)
+        margin, name = "" if name == EDGE else name, problem.cause(name, last)
         why = problem.ending(name, last)
         try:
             found = problem.successor(name, [begin.leaving, *branch.points])
@@ -214,28 +211,26 @@ class _Tracing:
 
     def _leaving(self, joint: Succession) -> Branch:
         """The piece from the first start from which the curve leaves."""
-        branch = None
-        for start, share in ((start, share) for start in joint.tried() for share in (1.0, SHORTER)):
+        for start in joint.tried():
             if joint.same and len(self.rows) > 1:
                 self.rows[-1].onward = start
-            problem = equilibrium(start)
-            controls = () if problem.convex else self.request.controls
-            folds, stop = Folds(controls, self._met, self.slopes), StopAt(predicate=self._told)
-            branch = problem.walked(start, folds, self.end, stop)
-            if branch is None:
-                margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
-                interval = Range(*problem.parameter_range)
-                balance = problem.balance(start, joint.step)
-                start = problem.leaving(start, joint.step)
-                leaving = replace(
-                    start, tangent_x=share * start.tangent_x, tangent_parameter=share * start.tangent_parameter
-                )
-                branch = follow(leaving, balance, interval, problem.steps(start), [folds, *margins, self.end], stop)
+            branch = self._followed(start, joint.step)
             if len(branch.points) > 1 or (branch.points and _stopped(branch) not in ("", self.end.name)):
                 break
-        if branch is None:
-            raise ModelError("a problem without a start")
         return branch
+
+    def _followed(self, start: Point, step: float | None) -> Branch:
+        """The piece from a start, by means of its problem's own or by the engine."""
+        problem = equilibrium(start)
+        folds = Folds(() if problem.convex else self.request.controls, self._raise_end, self.slopes)
+        stop = StopAt(predicate=self._report_progress)
+        branch = problem.walked(start, folds, self.end, stop)
+        if branch is not None:
+            return branch
+        balance, leaving = problem.balance(start, step), problem.leaving(start, step)
+        margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
+        interval, options = Range(*problem.parameter_range), problem.steps(leaving)
+        return follow(leaving, balance, interval, options, [folds, *margins, self.end], stop)
 
     def _join(self, found: Succession, margin: str) -> None:
         """Append the event at which one problem takes over from another."""
@@ -243,7 +238,7 @@ class _Tracing:
         self._append(found.event)
         if found.kind:
             self.rows[-1].mark(found.kind, margin=found.margin or margin, message=found.message)
-            self._met(found.event)
+            self._raise_end(found.event)
         if not found.same:
             self._append(found.starts[0])
 
@@ -254,8 +249,9 @@ class _Tracing:
         self.rows.append(_Row(point))
 
     def _stop(self, margin: str, name: str, message: str) -> None:
+        """The curve ends at its last row that is a state of contact."""
         own = margin
-        while len(self.rows) > 1 and _margin(self.rows[-1].point, margin) < -NEGATIVE:  # rows are states of contact
+        while len(self.rows) > 1 and _margin(self.rows[-1].point, margin) < -NEGATIVE:
             self._forget(len(self.rows) - 1)
             own = ""
         last = self.rows[-1]
@@ -265,14 +261,14 @@ class _Tracing:
             if not self.complete:
                 message += " What was asked lies beyond: ask for less, or describe the tip farther out."
             last.mark("end", margin=own, message=message, name=name)
-        elif margin != EDGE:
+        elif margin:
             last.mark("inadmissible", margin=own)
         elif not message:
             message = "The curve leaves the range of its parameter before what was asked."
             message += " Ask for less, or, if it has turned back, for a hundredth of the accuracy."
         self.message = message
 
-    def _met(self, point: Point) -> None:
+    def _raise_end(self, point: Point) -> None:
         """Raise the end beyond the load of an event."""
         load, problem = point.observables["load"], equilibrium(point)
         self.largest = max(self.largest, load)
@@ -283,7 +279,7 @@ class _Tracing:
         if self.request.target is None:
             self.end.target = max(self.end.target, END_FACTOR * self.largest)
 
-    def _told(self, point: Point) -> bool:
+    def _report_progress(self, point: Point) -> bool:
         """Report progress, guessed from the load: most of the way is the approach."""
         load, radius = point.observables["load"], point.observables["contact_radius"]
         tell(min(0.1 + 0.8 * max(0.0, load) / max(self.end.target, 1.0), 0.9), f"load {load:.4g}, contact {radius:.4g}")
@@ -304,7 +300,7 @@ class _Tracing:
     def cut(self) -> None:
         """Forget what lies behind the last row with finite numbers."""
         for k, row in enumerate(self.rows):
-            if not all(map(math.isfinite, (*self.slopes(row.point), *row.point.observables.values()))):
+            if not all(map(math.isfinite, (*self.slopes(row.point)[:2], *row.point.observables.values()))):
                 self.complete, self.message = False, f"From row {k} on numbers are not finite. {self.message}".strip()
                 self._forget(k)
                 return
@@ -313,18 +309,7 @@ class _Tracing:
         """Forget a row and all behind it."""
         del self.rows[row:]
         if self.rows:
-            self.rows[-1].gap = False
-
-    def _turn_back(self, row: int) -> None:
-        """Forget what lies behind a row at which the curve has turned back on itself.
-
-        The row, too, since its tangent is that of the way back; of one where a problem takes over, the start alone.
-        """
-        joint = self.rows[row]
-        self._forget(row + 1 if joint.onward is not None else max(row, 1))
-        joint.onward, joint.marks = None, [mark for mark in joint.marks if mark.kind != "fold"]
-        self.complete, self.lost, last = False, True, self.rows[-1].point
-        self.message = f"{Outcome.TURNED_BACK.value} {equilibrium(last).ending('', last)}"
+            self.rows[-1].gap, self.rows[-1].onward = False, None
 
     def track(self, problem: EquilibriumProblem) -> Track:
         """The curve with its hodograph, and with the folds that lie in corners."""
@@ -333,18 +318,22 @@ class _Tracing:
         turning = Turning(self.request.controls, *self._rates(start))
         marks = [*rows[0].marks]
         for k in range(1, len(rows)):
-            if rows[k].fold is not None and self._reversed(turning, k, index):
+            if rows[k].fold is not None and self._is_reversed(turning, k, index):
                 rows[k : k + 2] = rows[k + 1], rows[k]
             row, fold = rows[k], rows[k].fold
             passed = turning.row(*self._rates(row.point)) if fold is None else turning.fold(fold)
             if row.onward is not None:
-                passed += self._corner(turning, k)
+                passed += self._corner_folds(turning, k)
             own = [*row.marks, *(Mark(k, "fold", row.point, control) for control in passed)]
             marks += [replace(mark, row=k) for mark in own]
         hodograph = turning.hodograph(index)
         pieces = hodograph.pieces(DISPLACEMENT)[0]
-        if len(pieces) and pieces[-1] < 0:  # the curve only seems to go on behind a fold
-            self._turn_back(int(np.argmax(pieces < 0)))
+        if (
+            len(pieces) and pieces[-1] < 0
+        ):  # there are no such states: behind a fold the curve has turned back on itself
+            self._forget(max(int(np.argmax(pieces < 0)), 1))
+            ending = equilibrium(rows[-1].point).ending("", rows[-1].point)
+            self.complete, self.lost, self.message = False, True, f"{Outcome.TURNED_BACK.value} {ending}"
             return self.track(problem)
         return Track(
             tuple(row.point for row in rows),
@@ -361,34 +350,31 @@ class _Tracing:
 
     def _rates(self, point: Point) -> tuple[float, float]:
         """Rates of load and displacement: where none is unstable both grow, whatever rounding makes of them."""
-        load, displacement = self.slopes(point)
+        load, displacement = self.slopes(point)[:2]
         return (abs(load), abs(displacement)) if equilibrium(point).convex else (load, displacement)
 
-    def _reversed(self, turning: Turning, row: int, index: int) -> bool:
+    def _is_reversed(self, turning: Turning, row: int, index: int) -> bool:
         """Whether folds of different controls at a row and at the next come in the other order than their places say.
 
         Where load and displacement rest together rounding decides the places. The curve turns by half a turn one way or
-        the other, and the Morse index behind both folds, by inertia, tells which if they differ by less than errors.
+        the other, and the Morse index behind both folds, by inertia, tells which.
         """
         near = self.rows[row : row + 3]
         if len(near) < 3 or any(one.onward is not None for one in near) or near[2].fold is not None:
             return False
-        both, pair, after = [one.fold for one in near[:2]], [one.point for one in near[:2]], near[2].point
+        both, after = [one.fold for one in near[:2]], near[2].point
         if both[1] is None or both[0] == both[1]:
-            return False
-        first, last = (np.array([point.observables[name] for name in ("load", "displacement")]) for point in pair)
-        if (np.abs(first - last) > sum(np.abs(equilibrium(point).defect(point)[:2]) for point in pair)).any():
             return False
         counted = []
         for order in (both, both[::-1]):
             trial = deepcopy(turning)
             for control in filter(None, order):
                 trial.fold(control)
-            trial.row(*self.slopes(after))
+            trial.row(*self.slopes(after)[:2])
             counted.append(int(trial.hodograph(index).pieces(DISPLACEMENT)[0][-1]))
         return counted[0] != equilibrium(after).unstable(after.x, after.parameter) == counted[1]
 
-    def _corner(self, turning: Turning, row: int) -> list[Control]:
+    def _corner_folds(self, turning: Turning, row: int) -> list[Control]:
         """The folds in the corner where one problem takes over from another."""
         behind, ahead = self.rows[row - 1].point, self.rows[row].leaving
         load, displacement = self._rates(ahead)

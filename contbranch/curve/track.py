@@ -73,10 +73,10 @@ class Track:
         Whether it ends where it could not be followed, though it goes on.
     """
 
-    points: tuple[Point, ...]
-    onward: Mapping[int, Point]
-    gaps: frozenset[int]
-    marks: tuple[Mark, ...]
+    points: tuple[Point, ...] = ()
+    onward: Mapping[int, Point] = field(default_factory=dict)
+    gaps: frozenset[int] = frozenset()
+    marks: tuple[Mark, ...] = ()
     controls: tuple[Control, ...] = (LOAD, DISPLACEMENT)
     hodograph: Hodograph = field(default_factory=Hodograph)
     complete: bool = True

@@ -12,7 +12,7 @@ from scipy.fft import dct
 
 from contbranch.continuation import Point
 from contbranch.continuation.walk import point_on
-from contbranch.curve.problem import rates_of, values_of
+from contbranch.curve.problem import values_of
 from contbranch.curve.refine import OPTIONS
 from contbranch.curve.track import piece
 
@@ -83,15 +83,9 @@ def _held(point: Point) -> tuple[float, float]:
 
 
 def corner_work(begin: Point, end: Point) -> float:
-    """∫ F dd between two points that no piece of curve joins: the trapezoidal rule, corrected by the slopes dF/dd."""
-    if begin is end:
-        return 0.0
+    """∫ F dd between two points that no piece of curve joins, by the trapezoidal rule."""
     (first, load), (last, load_there) = _held(begin), _held(end)
-    change, slopes = last - first, list[float]()
-    for load_rate, rate, *_ in (rates_of(begin), rates_of(end)):
-        slopes.append(load_rate / rate if abs(rate) > 1e-3 * abs(load_rate) else math.nan)
-    corrected = change * change * (slopes[0] - slopes[1]) / 12  # nothing where the displacement rests
-    return 0.5 * change * (load + load_there) + (corrected if math.isfinite(corrected) else 0.0)
+    return 0.5 * (last - first) * (load + load_there)
 
 
 def work_along(begin: Point, pieces: Iterable[Piece | Point], end: Point, tolerance: float) -> float:

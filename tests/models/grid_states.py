@@ -36,7 +36,7 @@ class Row:
 
     @property
     def load(self) -> float:
-        return float(self.traced.curve.load[self.row])
+        return float(self.traced.curve.branch.load[self.row])
 
     @property
     def fields(self):
@@ -46,11 +46,11 @@ class Row:
     @property
     def n_0(self) -> int:
         """Index under displacement control."""
-        return int(self.traced.curve.unstable_displacement[self.row])
+        return int(self.traced.curve.branch.unstable_displacement[self.row])
 
     @property
     def n_load(self) -> int:
-        return int(self.traced.curve.unstable_load[self.row])
+        return int(self.traced.curve.branch.unstable_load[self.row])
 
     @property
     def azimuthal(self) -> tuple[int, ...]:
@@ -70,7 +70,7 @@ class Row:
         r = np.hypot(lattice.axis[:, None], lattice.axis)
         known = np.hypot(fields.rim.radius, equations.mesh.nodes)
         profile = fields.gap - np.asarray(self.contact.to_reduced().tip.height(known))
-        far = self.load / (np.pi * r) - float(self.traced.curve.displacement[self.row])
+        far = self.load / (np.pi * r) - float(self.traced.curve.branch.displacement[self.row])
         u = np.where(r < known[-1], np.interp(r, known, profile), far)
         u = np.where(r <= fields.rim.radius, -problem.heights, u)
         near = (r < max(2.0, 1.5 * fields.rim.radius)) & (r > fields.rim.radius)

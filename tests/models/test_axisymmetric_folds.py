@@ -112,7 +112,7 @@ def test_folds_a_billionth_apart():
     for row, point in list(enumerate(traced.points[:-1]))[::4]:
         if not point.label:
             found = traced.problem(row).unstable(point.x, point.parameter)
-            assert found == traced.curve.unstable_displacement[row]
+            assert found == traced.curve.branch.unstable_displacement[row]
 
 
 def test_an_event_that_cannot_be_located_says_so(monkeypatch):
@@ -122,7 +122,7 @@ def test_an_event_that_cannot_be_located_says_so(monkeypatch):
     mark = [mark for mark in Followed(contact, 1e-6, modes=0).track.marks if mark.control == LOAD][-1]
     aside = refine.further(mark.point, 1e-3)
 
-    def failing(place, event):
+    def failing(*_):
         raise CorrectionError(None, "made to fail")  # type: ignore[arg-type]
 
     monkeypatch.setattr(refine, "_located", failing)

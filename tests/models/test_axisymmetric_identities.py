@@ -52,7 +52,7 @@ def work_scale(load: float, d: float) -> float:
 
 def test_the_trace_reaches_its_end(traced):
     assert traced.curve.complete, traced.curve.message
-    assert (traced.curve.errors[:, 0] <= 1e-6 * np.maximum(1.0, np.abs(traced.curve.load))).all()
+    assert (traced.curve.branch.load_error <= 1e-6 * np.maximum(1.0, np.abs(traced.curve.branch.load))).all()
 
 
 def test_energy_is_the_work_of_the_load_along_the_branch(traced):

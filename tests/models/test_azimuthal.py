@@ -31,9 +31,9 @@ def state_of(contact: cb.Contact, *, touching: bool):
     rows = [
         row
         for row, point in enumerate(traced.points)
-        if (traced.curve.contact_radius[row] > 0) == touching
+        if (traced.curve.branch.contact_radius[row] > 0) == touching
         and (traced.problem(row).fields(point.x, point.parameter).stiffness < 0).any()
-        and abs(traced.curve.load[row]) > 0.1
+        and abs(traced.curve.branch.load[row]) > 0.1
     ]
     point = traced.points[rows[len(rows) // 2]]
     problem, x = traced.problem(rows[len(rows) // 2]).remeshed(point.x, point.parameter, 1e-11)
@@ -183,9 +183,9 @@ def test_a_blunt_tip_never_breaks_its_symmetry(contact):
     """A growing gap is a positive supersolution; counted here without that proof, on every other unstable state."""
     traced = Followed(contact.to_reduced(), 1e-5)
     assert traced.curve.complete
-    assert traced.curve.unstable_displacement.max() == 1
-    assert (traced.curve.unstable_azimuthal == 0).all()
-    for row in np.flatnonzero(traced.curve.unstable_displacement)[::2]:
+    assert traced.curve.branch.unstable_displacement.max() == 1
+    assert (traced.curve.branch.unstable_azimuthal == 0).all()
+    for row in np.flatnonzero(traced.curve.branch.unstable_displacement)[::2]:
         point = traced.points[row]
         equations, fields = traced.problem(row).seen(point.x, point.parameter)  # on a mesh that moves with its front
         assert unstable_count(equations, fields, 1) == 0
@@ -209,14 +209,16 @@ def test_what_settles_a_state_agrees_with_counting(cascade):
         numbers = [unstable_count(equations, fields, m) for m in (1, 2, 3)]
         assert settled(equations, fields) == (numbers[0] == 0)
         assert counted(equations, fields).total == sum(numbers)
-        assert max(cascade.curve.unstable_displacement[row], numbers[0]) >= numbers[0] >= numbers[1] >= numbers[2]
+        assert (
+            max(cascade.curve.branch.unstable_displacement[row], numbers[0]) >= numbers[0] >= numbers[1] >= numbers[2]
+        )
         assert numbers[0] <= equations.unstable_modes(fields)
         seen.add(sum(numbers))
     assert seen == {0, 1, 2, 3}
 
 
 def test_counting_between_equal_numbers_and_up_to_a_limit(cascade):
-    row = int(np.argmax(cascade.curve.unstable_azimuthal))
+    row = int(np.argmax(cascade.curve.branch.unstable_azimuthal))
     point = cascade.points[row]
     equations, fields = cascade.problem(row).equations, cascade.problem(row).fields(point.x, point.parameter)
     for near in (1, 2, 3, 9):
@@ -227,7 +229,7 @@ def test_counting_between_equal_numbers_and_up_to_a_limit(cascade):
 
 
 def test_the_index_changes_by_one_at_every_event(cascade):
-    numbers = cascade.curve.unstable_azimuthal
+    numbers = cascade.curve.branch.unstable_azimuthal
     positions = np.array([event.position for event in broken(cascade.curve.events)])
     assert len(positions) == 6
     for row in range(len(numbers) - 1):
@@ -243,8 +245,8 @@ def test_events_do_not_depend_on_the_trace(cascade):
     ours, theirs = broken(cascade.curve.events), broken(sharp.curve.events)
     assert [event.mode for event in ours] == [event.mode for event in theirs] == [1, 2, 3, 3, 2, 1]
     for one, other in zip(ours, theirs, strict=True):
-        assert np.max(np.array(other.error) / np.maximum(1.0, np.abs(other.values))) <= 1e-9
-        for a, b, error, rest in zip(one.values, other.values, one.error, other.error, strict=True):
+        assert np.max(np.array(other.error) / np.maximum(1.0, np.abs(other.numbers))) <= 1e-9
+        for a, b, error, rest in zip(one.numbers, other.numbers, one.error, other.error, strict=True):
             assert abs(a - b) <= error + rest
         largest = one.mode_shape.gap[np.argmax(np.abs(one.mode_shape.gap))]
         assert largest == pytest.approx(1.0)
@@ -254,7 +256,7 @@ def test_events_do_not_depend_on_the_trace(cascade):
 def test_at_an_event_rings_in_real_space_have_the_eigenvalue_1(cascade, number):
     """m = 2 without, m = 1 with contact; the slope of the eigenvalue along the load is below 1."""
     event = broken(cascade.curve.events)[number]
-    problem, x, u = event.place.problem, event.place.x, event.place.parameter
+    problem, x, u = event.point.problem, event.point.x, event.point.parameter
     fields = problem.fields(x, u)
     a = fields.rim.radius
     found = ring_eigenvalues(event.mode, a, graded(problem.equations.mesh, a), stiffness_of(problem.equations, fields))
@@ -271,7 +273,7 @@ def test_results_carry_modes(cascade, tmp_path):
     shape = event.mode_shape
     scales = contact.scales
     reduced = broken(cascade.curve.events)[0]
-    assert event.load == pytest.approx(reduced.values[0] * scales.load, rel=1e-9)
+    assert event.load == pytest.approx(reduced.numbers[0] * scales.load, rel=1e-9)
     np.testing.assert_allclose(shape.r, reduced.mode_shape.r * scales.in_plane)
     np.testing.assert_allclose(shape.pressure, reduced.mode_shape.pressure * scales.pressure / scales.normal)
 

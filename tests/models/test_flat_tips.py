@@ -100,7 +100,7 @@ def test_a_stiff_contact_grows_from_a_ring():
     topology = [event for event in diagram.events if event.kind == "topology"]
     assert topology
     for event in [*topology, diagram.events[-1]]:
-        point = event.origin.raw.place
+        point = event.origin.raw.point
         energy, surface, virial = of_rings(point) if isinstance(point.problem, RingProblem) else of_disc(point)
         work = exponent * event.load * event.displacement
         scaled = (2 * exponent + 1) * (energy - surface) + 2 * surface - exponent * virial
@@ -179,7 +179,8 @@ def test_behind_a_dish_too_shallow_to_be_seen_discs_have_no_folds_of_their_own(c
 def test_discs_open_where_their_displacement_no_longer_falls():
     """Under a film so soft that its own pressure does not matter, d = zeta(a) + h(a) has its minimum there."""
     touch = next(event for event in traced(SOFT, 1e-6).events if event.kind == "touch")
-    still, h = touch.origin.raw.place.problem.still(touch.origin.raw.place.x)
+    (place,) = touch.origin.raw.point.problem.otherwise(touch.origin.raw.point)  # with one disc of contact
+    still, h = place.problem.still(place.x)
     disc = still._behind()
 
     def state(radius):

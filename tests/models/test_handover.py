@@ -23,7 +23,7 @@ def diagram():
 
 
 def by(event):
-    return type(event.origin.raw.place.problem)
+    return type(event.origin.raw.point.problem)
 
 
 def test_a_ring_closes_to_the_same_disc_in_both_models(diagram, monkeypatch):
@@ -53,7 +53,7 @@ def test_the_pressure_in_the_middle_of_a_disc_without_interaction():
 
 def test_no_front_where_the_gap_falls(diagram):
     """A front that wandered over the thinnest place of a film would turn its curve round."""
-    point = next(event for event in diagram.events if event.kind == "topology").origin.raw.place
+    point = next(event for event in diagram.events if event.kind == "topology").origin.raw.point
     problem = point.problem
     fields = problem.fields(point.x, point.parameter)
     grid, thinnest = fields.grid, float(fields.grid.r[fields.gap.argmin()])

@@ -152,7 +152,7 @@ def test_disc_opens_where_hertz_pressure_reaches_the_law() -> None:
     event = first_change(contact, 1e-8)
     c = math.pi * sigma / 2
     for value, error, exact in zip(
-        event.values, event.error, (4 / 3 * c**3, c * c - 1 / tabor, 0.0, 1 / tabor), strict=True
+        event.numbers, event.error, (4 / 3 * c**3, c * c - 1 / tabor, 0.0, 1 / tabor), strict=True
     ):
         assert abs(value - exact) <= error or value == exact
         assert error <= 1e-8 * max(1.0, abs(exact))
@@ -294,8 +294,8 @@ def test_pressure_largest_on_a_ring() -> None:
     contact = cb.Contact(cb.PowerLaw(4.0, 1.0), cb.MaugisDugdale(-1.0, 1.0))
     event = first_change(contact, 1e-6)
     c = (9 * math.pi / 8 / math.sqrt(2)) ** (1 / 3)
-    assert event.values[1] == pytest.approx(2 / 3 * c**4 - 1, abs=event.error[1])
-    assert event.values[0] == pytest.approx(2 * (2 / 3) * c**5 * 4 / 5, abs=event.error[0])
+    assert event.numbers[1] == pytest.approx(2 / 3 * c**4 - 1, abs=event.error[1])
+    assert event.numbers[0] == pytest.approx(2 * (2 / 3) * c**5 * 4 / 5, abs=event.error[0])
 
 
 def test_contact_begins_on_a_ring(annulus: cb.Diagram) -> None:
@@ -535,8 +535,8 @@ def test_the_weakest_films_open_where_the_pressure_reaches_the_law(exponent: flo
 
     largest = -minimize_scalar(lambda r: -pressure(r), bounds=(0.0, 0.99), method="bounded").fun
     c = (1 / range_ / max(largest, pressure(0.0))) ** (1 / (exponent - 1))
-    assert event.values[0] == pytest.approx(2 * kappa * c ** (exponent + 1) * exponent / (exponent + 1), rel=2e-4)
-    assert event.values[1] == pytest.approx(kappa * c**exponent - range_, abs=event.error[1])
+    assert event.numbers[0] == pytest.approx(2 * kappa * c ** (exponent + 1) * exponent / (exponent + 1), rel=2e-4)
+    assert event.numbers[1] == pytest.approx(kappa * c**exponent - range_, abs=event.error[1])
 
 
 def test_energy_under_a_rough_tip() -> None:
@@ -604,7 +604,7 @@ def test_where_a_ring_opens_in_a_stiff_film_does_not_depend_on_how_far_its_panel
     """A film that ends steeply just beyond the last panel that ends: the one to infinity sees next to nothing of it."""
     contact = cb.Contact(cb.PowerLaw(4.266, 1.0), cb.Gauss(1.0, 0.055084)).to_reduced()
     coarse, fine = (first_change(contact, accuracy, 0.01, cb.Axisymmetric()) for accuracy in (1e-4, 1e-6))
-    for value, error, exact, rest in zip(coarse.values, coarse.error, fine.values, fine.error, strict=True):
+    for value, error, exact, rest in zip(coarse.numbers, coarse.error, fine.numbers, fine.error, strict=True):
         assert abs(value - exact) <= error + rest
 
 

@@ -57,8 +57,6 @@ DEEPEST = 0.5
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
 # the one inside; if those are too many panels, by a larger one: the tinier the radius, the less its scale matters.
 SMALL, SHARE, GRADING, PANELS = 1e-2, 0.5, 4.0, 8
-# A coarser mesh is worth its while if it has fewer unknowns by this factor; rounds in which it is made.
-FEWER, COARSENINGS = 0.8, 4
 # Share of the tolerance below which a mesh is made coarser on the way.
 FINE = 1e-2
 # Rounds of meshing, solving and judging until a mesh satisfies its own error estimate, and the change by Newton's
@@ -498,17 +496,6 @@ class MeshedContact(MovingContact):
         weight = float(equations.mesh.weights @ fields.h**2)
         front = replace(front, creases=tuple(crease.stretched(1.0, weight) for crease in kinks(seen, front)))
         return still.anchored(front, h, p)
-
-    def coarser(self, point: Point, tolerance: float) -> Self:
-        """A mesh with clearly fewer nodes that serves a tolerance."""
-        problem, x = self, point.x
-        for _ in range(COARSENINGS):
-            problem, x = problem.remeshed(x, point.parameter, tolerance)
-            if problem.size > FEWER * self.size:
-                break
-            if problem.relative_error(x, point.parameter) <= tolerance:
-                return problem
-        return self
 
     def solve_at(self, x: Array, p: float, iterations: int = 12, enough: float = 1e-13) -> Array:
         """Newton's method at a fixed parameter, up to a relative change that is enough; the best that was reached."""

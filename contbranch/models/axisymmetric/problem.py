@@ -26,6 +26,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
 from contbranch.continuation.newton import correct
 from contbranch.continuation.problem import UnresolvedError
+from contbranch.continuation.walk import annotated
 from contbranch.control import Control
 from contbranch.curve.events import Margin
 from contbranch.curve.problem import (
@@ -38,7 +39,6 @@ from contbranch.curve.problem import (
     equilibrium,
     oriented,
     rates_of,
-    valued,
 )
 from contbranch.curve.refine import OPTIONS
 from contbranch.errors import ModelError
@@ -391,7 +391,7 @@ class ContactProblem(MeshedContact):
         if kinked and (found := problem._beyond(x)):
             return found
         rate, one = problem.direction(x, 0.0)
-        return valued(Point(problem, x, 0.0, rate, one, label="" if kinked else "start"))
+        return annotated(Point(problem, x, 0.0, rate, one, label="" if kinked else "start"))
 
     def ahead(self, x: Array) -> float:
         """Parameter of a contact that has long passed the kink at first touch x, seen from the front."""
@@ -422,7 +422,7 @@ class ContactProblem(MeshedContact):
             return None
         problem, here = self.resolved(here, ahead, self.resolution.tolerance)
         x = problem.solve_at(here, 0.0)
-        return valued(Point(problem, x, 0.0, (here - x) / ahead, 1.0, label="start"))
+        return annotated(Point(problem, x, 0.0, (here - x) / ahead, 1.0, label="start"))
 
     def _small(self, x: Array) -> float:
         """Parameter of a contact far smaller than the length on which elasticity answers the interaction."""
@@ -466,7 +466,7 @@ class ContactProblem(MeshedContact):
                 found.examine(x, ahead)
             except (CorrectionError, np.linalg.LinAlgError, UnresolvedError):
                 continue
-            yield valued(Point(found, x, ahead, rate, one, label="start"))
+            yield annotated(Point(found, x, ahead, rate, one, label="start"))
 
     @property
     def described_to(self) -> float:
@@ -542,11 +542,6 @@ class ContactProblem(MeshedContact):
         if equations.contact:
             return Rates(load, displacement, equations.coordinate.slopes(fields.y)[0] * y_rate, 0.0)
         return Rates(load, displacement, 0.0, -y_rate)
-
-    def slope(self, x: Array, p: float) -> float | None:
-        """dF/dd in contact, whose rim moves with neither at first touch under a flat tip."""
-        equations, fields = self.seen(x, p)
-        return self._slope(x, equations, fields) if equations.contact else None
 
     def _slope(self, x: Array, equations: Equations, fields: Fields) -> float:
         if "slope" not in fields.derived:

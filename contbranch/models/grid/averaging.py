@@ -369,7 +369,8 @@ class AveragedProblem(OnNodes):
 
     def shared(self, point: Point) -> tuple[float, float]:
         """What the cell leaves out."""
-        return read(self.setup, self.nearest(point.parameter)).errors[:2]
+        load, displacement, *_ = read(self.setup, self.nearest(point.parameter)).errors
+        return load, displacement
 
     def defect(self, point: Point) -> Defect:
         """By the other windows."""

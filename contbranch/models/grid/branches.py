@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Self
+from typing import Self, cast
 
 import numpy as np
 
@@ -116,8 +116,8 @@ class BranchProblem(LatticeProblem):
 
 def departure(event: RawEvent) -> Departure:
     """Where a branch leaves at a symmetry event."""
-    place, mode = event.place, event.mode or 0
-    problem: LatticeProblem = place.problem
+    place, mode = event.point, event.mode or 0
+    problem = cast(LatticeProblem, place.problem)
     state = problem.at(place)
     found = problem.modes.of(state, mode, event.index)
     return Departure(state, found.sector or EVEN, mode, found.vector)
@@ -135,7 +135,7 @@ def follow_branch(event: RawEvent, request: Request, points: int | None = None) 
     points : int, optional
         The branch ends after so many (default: `POINTS`), if it has not come back to the symmetric curve before.
     """
-    origin: LatticeProblem = event.place.problem
+    origin = cast(LatticeProblem, event.point.problem)
     leaves = departure(event)
     what = f"at load {leaves.equilibrium.load * origin.setup.units.load:.6g} with mode {leaves.mode}"
     if leaves.sector == EVEN and leaves.mode % 4 == 0:
@@ -155,8 +155,8 @@ def with_branches(curve: RawCurve, request: Request) -> RawCurve:
     """
     known: list[tuple[RawEvent, Track]] = []
     notes, missing = [curve.message] if curve.message else [], []
-    if request.target is None and len(curve.load):
-        request = replace(request, target=float(curve.load.max()))
+    if request.target is None and len(curve.branch):
+        request = replace(request, target=float(curve.branch.load.max()))
     for event in curve.events:
         if event.kind != "symmetry" or any(_ends_at(branch, origin, event) for origin, branch in known):
             continue
@@ -177,6 +177,6 @@ def _ends_at(branch: Track, origin: RawEvent, event: RawEvent) -> bool:
     if event.mode != origin.mode or not isinstance(problem, BranchProblem):
         return False
     sizes = [np.abs(problem.odd(point.x)).max() for point in branch.points]
-    there, last = np.array(event.values[:2]), branch.points[-1].observables
+    there, last = np.array(event.numbers[:2]), branch.points[-1].observables
     close = np.abs(there - [last["load"], last["displacement"]]) <= SAME * np.maximum(1.0, np.abs(there))
     return bool(close.all() and sizes[-1] < BACK * max(sizes))

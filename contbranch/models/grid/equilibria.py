@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -105,7 +105,6 @@ class LatticeProblem(OnNodes):
         Arcs just before, of which an average was made.
     """
 
-    relaxes_off_curve: ClassVar[bool] = True
     rounding = 1e-7
     skipped = False  # folds that lie closer together than a step
     average: AveragedProblem | None = None
@@ -513,7 +512,8 @@ class LatticeProblem(OnNodes):
 
     def shared(self, point: Point) -> tuple[float, float]:
         """What the cell leaves out."""
-        return self.reading(point.x, point.parameter).errors[:2]
+        load, displacement, *_ = self.reading(point.x, point.parameter).errors
+        return load, displacement
 
     def difference(self, point: Point, control: Control | None = None) -> Array:
         """Change of load, displacement, radius and gap on half the nodes a side: at a value of a control, or across the

@@ -11,7 +11,7 @@ import numpy as np
 from contbranch.continuation import Point
 from contbranch.control import Control
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.problem import ROW_FLOOR, EquilibriumProblem
+from contbranch.curve.problem import EquilibriumProblem
 from contbranch.results.record import OBSERVABLES
 
 __all__ = ["OnNodes"]
@@ -26,7 +26,7 @@ class OnNodes(EquilibriumProblem):
     """Equilibria on nodes that are the user's: errors are stated, not brought below the accuracy asked."""
 
     refinable = False
-    rows_between = False
+    row_safety = 1.0  # the defect is the difference to half the nodes a side, whose error is the larger one by far
 
     def verdict(self, point: Point, control: Control, error: Sequence[float]) -> tuple[str | None, str]:
         """What a fold is worth on other lattices, and a sentence; None where nothing is to be said."""
@@ -35,16 +35,6 @@ class OnNodes(EquilibriumProblem):
     def shared(self, point: Point) -> tuple[float, float]:
         """Errors of load and displacement that states near each other have in common."""
         raise NotImplementedError
-
-    def row_error(self, point: Point) -> tuple[float, float]:
-        """By the difference to half the nodes a side, whose error is the larger one by far."""
-        defect, left_out, own = self.defect(point), self.left_out(point.x, point.parameter), point.observables
-        floor = self.rounding if self.finer() is self else ROW_FLOOR
-        load, displacement = (
-            abs(error) + floor * max(1.0, abs(own[name])) + besides
-            for error, name, besides in zip(defect[:2], ("load", "displacement"), left_out[:2], strict=True)
-        )
-        return load, displacement
 
     def error_rows(self, count: int) -> Sequence[int]:
         """Every few rows, since each costs a state on other nodes."""
@@ -72,12 +62,12 @@ def _on_lattice(event: RawEvent, points: Sequence[Point], controls: Sequence[Con
     """A fold with its verdict; where a contact begins with some nodes it may be anywhere between these and none."""
     error = event.error
     before = points[max(event.row - 1, 0)].observables
-    if before["contact_radius"] == 0.0 < event.values[2]:
-        moved = [BEGINNING * abs(here - before[name]) for here, name in zip(event.values, OBSERVABLES, strict=True)]
+    if before["contact_radius"] == 0.0 < event.numbers[2]:
+        moved = [BEGINNING * abs(here - before[name]) for here, name in zip(event.numbers, OBSERVABLES, strict=True)]
         load, displacement, radius, gap = map(max, error, moved)
         error = load, displacement, radius, gap
     (control,) = (one for one in controls if one.kind == event.control)
-    verdict, message = _on_nodes(event.place).verdict(event.place, control, error)
+    verdict, message = _on_nodes(event.point).verdict(event.point, control, error)
     return replace(event, error=error, verdict=verdict, message=message)
 
 
@@ -89,7 +79,7 @@ def _unresolved(events: list[RawEvent], control: Control) -> None:
     """
     own = [k for k, event in enumerate(events) if (event.kind, event.control) == ("fold", control.kind)]
     while len(own) > 1:
-        at = {k: control.weighted(*events[k].values[:2]) for k in own}
+        at = {k: control.weighted(*events[k].numbers[:2]) for k in own}
         errors = np.array([_own_error(events[k], control) for k in own])
         apart = np.abs(np.diff(list(at.values()))) / np.minimum(errors[1:], errors[:-1])
         place = int(np.argmin(apart))
@@ -97,7 +87,7 @@ def _unresolved(events: list[RawEvent], control: Control) -> None:
             break
         pair = own[place : place + 2]
         del own[place : place + 2]
-        ripple = np.abs(np.subtract(events[pair[0]].values, events[pair[1]].values))
+        ripple = np.abs(np.subtract(events[pair[0]].numbers, events[pair[1]].numbers))
         for k in sorted(own[max(place - 1, 0) : place + 1], key=lambda k: abs(at[k] - at[pair[0]]))[:1]:
             events[k] = replace(events[k], error=tuple(np.maximum(events[k].error, ripple).tolist()))
         for k in pair:
@@ -112,7 +102,7 @@ def _unresolved(events: list[RawEvent], control: Control) -> None:
 
 def _own_error(event: RawEvent, control: Control) -> float:
     """Error of a fold's control beside what states near each other have in common."""
-    return control.weighted(*np.subtract(event.error[:2], _on_nodes(event.place).shared(event.place)))
+    return control.weighted(*np.subtract(event.error[:2], _on_nodes(event.point).shared(event.point)))
 
 
 def _on_nodes(point: Point) -> OnNodes:

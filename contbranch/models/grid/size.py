@@ -116,7 +116,7 @@ def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[f
         try:
             with patient(PATIENCE):
                 curve = FollowedCurves(likeness, model).trace(request)
-            return float(curve.displacement.max(initial=1.0)), 0.0
+            return float(curve.branch.displacement.max(initial=1.0)), 0.0
         except ModelError:
             pass
     return 10.0, 0.0

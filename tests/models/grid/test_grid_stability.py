@@ -252,7 +252,7 @@ def test_indices_along_a_curve(contact, edge, grid):
     curve = traced(contact)
     problem = grid_problem(contact, "free", edge, grid)
     stability = Stability(problem)
-    folds = [event.values[0] for event in curve.curve.events if event.kind in ("fold", "touch")]
+    folds = [event.numbers[0] for event in curve.curve.events if event.kind in ("fold", "touch")]
     indices, pairs = set(), []
     for k in range(len(curve.points)):
         row = Row(contact, curve, k)

@@ -51,7 +51,7 @@ class Events:
             passing = SymmetryEvent(event.mode)
             _, near = between(ends, passing)
             found = refine(near, passing, 1e-6)
-            raw = RawEvent("symmetry", 0, found.numbers, found.error, place=found.point, mode=event.mode)
+            raw = RawEvent(**vars(found), kind="symmetry", row=0, mode=event.mode)
             self.events.append((departure(raw), found))
 
 
@@ -92,8 +92,8 @@ def test_events_lie_where_the_axisymmetric_model_has_them(found):
     On 128² nodes the loads are closer still, by the factor that is checked below.
     """
     for (event, place), expected in zip(found.events, found.expected, strict=True):
-        assert place.numbers[:2] == pytest.approx(expected.values[:2], rel=2e-5)
-        for value, true, error in zip(place.numbers[:2], expected.values, place.error, strict=False):
+        assert place.numbers[:2] == pytest.approx(expected.numbers[:2], rel=2e-5)
+        for value, true, error in zip(place.numbers[:2], expected.numbers, place.error, strict=False):
             assert abs(value - true) <= error < 0.01 * value
         shape = found.problem.mode_shape(place.point.x, place.point.parameter, event.mode)
         other = expected.mode_shape
@@ -198,7 +198,7 @@ def test_the_branch_can_be_followed(switched):
 def test_refinement_keeps_event_and_branch(found, switched):
     """From 64² to 96² nodes event and F₂ move by what their lattice leaves, and the former closer to the exact ones."""
     fine = Events(96, 1)
-    event, expected = fine.events[0][0], fine.expected[0].values[0]
+    event, expected = fine.events[0][0], fine.expected[0].numbers[0]
     assert abs(event.equilibrium.load - expected) < 0.5 * abs(found.events[0][0].equilibrium.load - expected) + 1e-6
     again = switch(fine.nodes, event, switched.amplitudes[0])
     assert again.distance == pytest.approx(switched.distance, rel=0.01)

@@ -119,7 +119,7 @@ def test_folds_of_a_spring_and_of_the_load_in_one_state_end_a_stable_part() -> N
             column=lambda name: np.array(columns[name]),
             controlled=lambda _: np.array(columns["load"]),
             hodograph=SimpleNamespace(pieces=lambda _: (np.array([1, 0, 0]), np.array([-1, 1, 1]))),
-            problem=lambda _: SimpleNamespace(relaxes_off_curve=True),
+            problem=lambda _: SimpleNamespace(refinable=False),
         )
         return CurveWalk(track, (), LOAD, 1e-6)
 

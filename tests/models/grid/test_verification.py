@@ -78,24 +78,26 @@ def test_symmetry_events_are_those_of_the_axisymmetric_model(flat, expected):
     for event, other in zip(events, others, strict=True):
         assert event.index == other.index
         assert event.message == other.message
-        assert event.values[:2] == pytest.approx(other.values[:2], rel=1e-5)
-        assert all(abs(a - b) <= c for a, b, c in zip(event.values, other.values, event.error, strict=True))
-        assert event.error[0] < 0.01 * event.values[0]
+        assert event.numbers[:2] == pytest.approx(other.numbers[:2], rel=1e-5)
+        assert all(abs(a - b) <= c for a, b, c in zip(event.numbers, other.numbers, event.error, strict=True))
+        assert event.error[0] < 0.01 * event.numbers[0]
         assert event.row <= event.position <= event.row + 1
-        loads = flat.curve.load[event.row : event.row + 2]
-        assert loads.min() <= event.values[0] <= loads.max()
+        loads = flat.curve.branch.load[event.row : event.row + 2]
+        assert loads.min() <= event.numbers[0] <= loads.max()
 
 
 def test_numbers_of_azimuthal_modes_change_at_the_events(flat, expected):
     """One more behind every event at which stability is lost; where a state is stable at fixed displacement, none."""
     events = before_touch(flat)
-    column = flat.curve.unstable_azimuthal[: events[-1].row + 3]
+    column = flat.curve.branch.unstable_azimuthal[: events[-1].row + 3]
     count = np.zeros(len(column), dtype=int)
     for event in events:
         count[event.row + 1 :] += 1 if "lost" in event.message else -1
     assert np.array_equal(column, count)
     assert not column[flat.indices.rows(DISPLACEMENT)[: len(column)] == 0].any()
-    changes = expected.curve.unstable_azimuthal[np.flatnonzero(np.diff(expected.curve.unstable_azimuthal)) + 1]
+    changes = expected.curve.branch.unstable_azimuthal[
+        np.flatnonzero(np.diff(expected.curve.branch.unstable_azimuthal)) + 1
+    ]
     steps = [1 if "lost" in event.message else -1 for event in events]
     assert list(np.cumsum(steps)) == list(changes[: len(events)])
 
@@ -104,7 +106,7 @@ def test_a_parabola_keeps_its_symmetry(parabola):
     """Proven in the half space; confirmed where indices are checked, at little cost."""
     assert parabola.curve.complete
     assert parabola.curve.message == ""
-    assert not parabola.curve.unstable_azimuthal.any()
+    assert not parabola.curve.branch.unstable_azimuthal.any()
     assert max(parabola.indices.rows(DISPLACEMENT)) == 1
     assert 0 < parabola.curve.cost.stability_pairs < 0.15 * parabola.curve.cost.fft_pairs
 
