@@ -131,8 +131,10 @@ def _samples(side: _Side, found: Found) -> Iterator[tuple[float, float, float, f
             return
         try:
             near, travelled = further(near, step - travelled), step
-            if _error(near) > POORER * found.relative_error():
+            left = _error(near)
+            if left > POORER * found.relative_error():
                 near = settled(moved(near, equilibrium(near).finer()))
+                left = _error(near)
         except (CorrectionError, ModelError):
             return
         if min(equilibrium(near).margins(near.x, near.parameter).values(), default=1.0) < 0.0:
@@ -142,8 +144,8 @@ def _samples(side: _Side, found: Found) -> Iterator[tuple[float, float, float, f
         if not (change * last >= 0.0).all() or not abs(change[0]) > abs(last[0]):
             return  # the control has turned round: another fold
         kappa = change[0] * rates[1] / (change[1] * rates[0])
-        left = errors[0] + OF_RATES * _error(near) * max(1.0, abs(here[0]))
-        error = abs(kappa) * (left / abs(change[0]) + errors[1] / abs(change[1]))
+        off = errors[0] + OF_RATES * left * max(1.0, abs(here[0])), errors[1]
+        error = abs(kappa) * float(np.sum(off / np.abs(change)))
         if last.all():
             control, order = np.log(change / last)
             if not abs(order / control - (kappa + before[0]) / 2) < INCONSISTENT + error + before[1]:
