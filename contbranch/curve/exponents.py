@@ -28,9 +28,9 @@ POORER = 100.0
 INCONSISTENT = 2e-2
 # Errors of rates are larger than those of values by about this factor.
 OF_RATES = 10.0
-# Offset of the parameter for derivatives at a fold, at most this share of the distance to the edge of the
-# representation, where there may be a kink.
-OFFSET, OF_ROOM = 2e-2, 0.2
+# Offset of the parameter for derivatives at a fold, and the largest share of the distance to the edge of the
+# representation, where there may be a kink: in general, and where nothing but distance tells a curvature.
+OFFSET, OF_ROOM, OF_GRAIN = 2e-2, 0.2, 0.45
 # Derivatives on two discretisations that were given differ by this share at most.
 AGREED = 0.3
 
@@ -93,7 +93,8 @@ def critical_exponent(found: Found, control: Control) -> Exponent | None:
 
 def _derivatives(side: _Side, fold: Point) -> tuple[float, float]:
     """Second and third derivative of the control with respect to the order parameter."""
-    offset = min(equilibrium(fold).grain or OFFSET, OF_ROOM * side.room)
+    grain = equilibrium(fold).grain
+    offset = min(grain, OF_GRAIN * side.room) if grain else min(OFFSET, OF_ROOM * side.room)
     points = [further(fold, offset * step) for step in (-2, -1, 0, 1, 2)]
     distances = np.array([side.seen(numbers(point))[1] for point in points])
     slopes = np.array([np.divide(*side.seen(rates_of(point))) for point in points])
