@@ -32,8 +32,8 @@ __all__ = ["EventCurve"]
 # continuous like that.
 TOUCH_ROOTS, CLOSER, STARTS, CLOSEST = 0.06, 0.3, 4, 1e-8
 # Error of loads along the curve: where it leads far away, the stiffness of a weak spring is that of the interaction
-# there. Loads this many times larger count as none.
-TOLERANCE, RESOLVED = 1e-9, 60.0
+# there. Loads this many times larger count as none, or those below a share of the accuracy.
+TOLERANCE, RESOLVED, NEGLIGIBLE = 1e-9, 60.0, 0.5
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
 PAIR = "Two events of this kind merge: the parameter has an extremum along them."
 COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
@@ -107,6 +107,7 @@ class EventCurve:
 
     def __post_init__(self) -> None:
         self.family = self.condition.family
+        self.least_load = max(NEGLIGIBLE * self.accuracy, RESOLVED * TOLERANCE)
         self.q = self.family.coordinate(self.family.start)
         self.known = {self.q: self.family.start, **{self.family.coordinate(value): value for value in self.to}}
         self.interval = Range(min(self.known), max(self.known))
@@ -217,7 +218,7 @@ class EventCurve:
     def _negligible(self, point: Point) -> bool:
         """Whether the interaction is negligible: the load, and its mean from here to infinity."""
         load, energy, gap = (abs(point.observables[name]) for name in ("load", "energy", "central_gap"))
-        negligible = max(load, energy / max(gap, self.scale)) <= RESOLVED * TOLERANCE
+        negligible = max(load, energy / max(gap, self.scale)) <= self.least_load
         return negligible and gap > self.scale and not (self.touching or self.begins)
 
     # -- first touch --------------------------------------------------------------------------------------------------
