@@ -31,9 +31,9 @@ __all__ = ["EventCurve"]
 # comes to half the first of them, and is not found behind, is followed closer, down to the last: onsets become
 # continuous like that.
 TOUCH_ROOTS, CLOSER, STARTS, CLOSEST = 0.06, 0.3, 4, 1e-8
-# Error of loads along the curve: where it leads far away, the stiffness of a weak spring is that of the interaction
+# Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
 # there. Loads this many times larger count as none, or those below a share of the accuracy.
-TOLERANCE, RESOLVED, NEGLIGIBLE = 1e-9, 60.0, 0.5
+TOLERANCE, FAR_TOLERANCE, RESOLVED, NEGLIGIBLE = 3e-7, 1e-9, 60.0, 0.5
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
 PAIR = "Two events of this kind merge: the parameter has an extremum along them."
 COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
@@ -107,7 +107,8 @@ class EventCurve:
 
     def __post_init__(self) -> None:
         self.family = self.condition.family
-        self.least_load = max(NEGLIGIBLE * self.accuracy, RESOLVED * TOLERANCE)
+        self.tolerance = FAR_TOLERANCE if self.family.spacing == "angle" else TOLERANCE
+        self.least_load = max(NEGLIGIBLE * self.accuracy, RESOLVED * self.tolerance)
         self.q = self.family.coordinate(self.family.start)
         self.known = {self.q: self.family.start, **{self.family.coordinate(value): value for value in self.to}}
         self.interval = Range(min(self.known), max(self.known))
@@ -163,7 +164,7 @@ class EventCurve:
     def _start(self, place: Point) -> Point:
         """The event on a discretisation as fine as the curve needs, towards larger values of the parameter."""
         base = equilibrium(place)
-        problem = base.member(self.family.reduced(self.q)[0], TOLERANCE)
+        problem = base.member(self.family.reduced(self.q)[0], self.tolerance)
         own = self._resolved(replace(place, problem=problem))  # the event may come from a trace for fewer digits
         system = EventProblem.around(self.condition, own, self.interval)
         return annotated(system.solved(system.joined(own.x, own.parameter), self.q), label="start")
@@ -171,8 +172,8 @@ class EventCurve:
     def _resolved(self, point: Point) -> Point:
         """A point on a discretisation as fine as the curve needs."""
         problem = equilibrium(point)
-        if problem.defect(point).relative(values_of(point)) > TOLERANCE:
-            point = settled(moved(point, problem.resolving(point, TOLERANCE)))
+        if problem.defect(point).relative(values_of(point)) > self.tolerance:
+            point = settled(moved(point, problem.resolving(point, self.tolerance)))
         return annotated(point, label="")
 
     def _onward(self, start: Point) -> tuple[list[Point], End]:
