@@ -24,8 +24,9 @@ WINDOW = (1e-2, 1e1)
 NEAREST, FARTHEST, SAMPLES, HIGHEST = 1e-5, 6.0, 57, 1e2
 # Samples share the discretisation of the event, so that their errors cancel, until errors there are so much larger.
 POORER = 100.0
-# Samples end where tangents and the secant between two of them differ by this much: closer ones would be needed.
-INCONSISTENT = 2e-2
+# Samples end where tangents and the secant between two of them differ by this much, though the excess of the farther
+# one is at most so many times larger: closer ones would be needed.
+INCONSISTENT, NEIGHBOUR = 2e-2, 4.0
 # Errors of rates are larger than those of values by about this factor.
 OF_RATES = 10.0
 # Offset of the parameter for derivatives at a fold, and the largest share of the distance to the edge of the
@@ -147,7 +148,7 @@ def _samples(side: _Side, found: Found) -> Iterator[tuple[float, float, float, f
         kappa = change[0] * rates[1] / (change[1] * rates[0])
         off = errors[0] + OF_RATES * left * max(1.0, abs(here[0])), errors[1]
         error = abs(kappa) * float(np.sum(off / np.abs(change)))
-        if last.all():
+        if abs(change[0]) < NEIGHBOUR * abs(last[0]):
             control, order = np.log(change / last)
             if not abs(order / control - (kappa + before[0]) / 2) < INCONSISTENT + error + before[1]:
                 return
