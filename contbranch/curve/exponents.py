@@ -20,8 +20,9 @@ __all__ = ["critical_exponent", "crossover_excess", "fitted_window", "sampled_ex
 
 # The window of the excess (reduced units) over which a power law is fitted.
 WINDOW = (1e-2, 1e1)
-# The local exponent is sampled at so many distances along the curve, in reduced units, up to this excess.
-NEAREST, FARTHEST, SAMPLES, HIGHEST = 1e-5, 6.0, 57, 1e2
+# The local exponent is sampled at so many distances along the curve, in reduced units, up to this excess. They begin
+# closer where an edge of the representation is close, but not where rounding hides the excess.
+NEAREST, CLOSEST, FARTHEST, SAMPLES, HIGHEST = 1e-5, 1e-8, 6.0, 57, 1e2
 # Samples share the discretisation of the event, so that their errors cancel, until errors there are so much larger.
 POORER = 100.0
 # Samples end where tangents and the secant between two of them differ by this much, though the excess of the farther
@@ -128,7 +129,8 @@ def _samples(side: _Side, found: Found) -> Iterator[tuple[float, float, float, f
     grain = equilibrium(near).grain
     limit = math.inf if side.contact and not grain else side.room
     last, kappa, error = np.zeros(2), 0.0, 0.0
-    for step in np.geomspace(0.5 * grain or NEAREST * min(1.0, side.room), FARTHEST, SAMPLES):
+    nearest = 0.5 * grain or max(CLOSEST, NEAREST * min(1.0, side.room))
+    for step in np.geomspace(nearest, FARTHEST, SAMPLES):
         if step >= limit or abs(last[0]) > HIGHEST:
             return
         try:
