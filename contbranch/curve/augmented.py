@@ -9,6 +9,7 @@ turns round or first touch is passed, are those of codimension two.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -23,6 +24,7 @@ from contbranch.continuation.metric import ROUNDING
 from contbranch.continuation.problem import Array
 from contbranch.continuation.walk import corrected_point
 from contbranch.control import Control
+from contbranch.curve import problem
 from contbranch.curve.events import FoldEvent, rates
 from contbranch.curve.problem import Defect, EquilibriumProblem, Rates, equilibrium
 from contbranch.errors import ModelError
@@ -34,22 +36,11 @@ LEAST_ROOT = 1e-2
 # The parameter itself is the border where the tangent has at least this component of it; contacts that are all but none
 # have no other direction along which states change evenly with w.
 UPRIGHT_SHARE = 1e-3
-# States are measured in units of the one at the start, or of this share of the interaction's range.
-LEAST_SIZE = 1e-2
 # This far beyond an edge of the parameter is rounding.
 EDGE_ROUNDING = 1e-12
 # How far points on the curve are corrected.
 PRECISE = Options(tolerance=1e-12, noise=1e8)
-STEPS = Options(
-    angle=0.3,
-    angle_limit=0.8,
-    tolerance=1e-9,
-    noise=1e5,
-    first_step=0.02,
-    detect_folds=False,
-    detect_branch_points=False,
-    maximum_points=600,
-)
+STEPS = replace(problem.STEPS, first_step=0.02, maximum_points=600)
 
 
 @dataclass(frozen=True)
@@ -79,16 +70,13 @@ class Condition:
 
     def at(self, q: float) -> Event | None:
         """What vanishes along the curve of equilibria at q; None where the parameter is held."""
-        if self.edge is not None or self.event is not None or self.control is None:
-            return self.event
-        return FoldEvent(self.family.control(q, self.control))
+        return FoldEvent(self.family.control(q, self.control)) if self.folds and self.control else self.event
 
     def weights(self, q: float) -> tuple[float, float]:
         """Those of the control of a fold; where q is the angle arctan K, smooth beyond its ends, too."""
-        event = self.at(q)
-        if self.family.spacing == "angle" or not isinstance(event, FoldEvent):
+        if self.family.spacing == "angle" or self.control is None:
             return math.cos(q), math.sin(q)
-        return event.control.weights
+        return self.family.control(q, self.control).weights
 
     def value(self, point: Point, q: float) -> float:
         """A number that vanishes at a fold or another event; the point has its unit tangent at fixed q."""
@@ -135,8 +123,7 @@ class EventProblem(Augmented, EquilibriumProblem):
     def around(cls, what: Condition, point: Point, interval: Range) -> Self:
         """The system at an event's equilibrium; a state may vanish there."""
         base = equilibrium(point)
-        unit = max(math.sqrt(base.inner(point.x, point.x)), LEAST_SIZE * base.scale)
-        return cls(what, base, tangent_of(point), interval, unit)
+        return cls(what, base, tangent_of(point), interval, base.metric(point.x).state_scale)
 
     def on(self, reference: Array, base: EquilibriumProblem | None = None) -> Self:
         """The same event with another border, on another discretisation or representation."""
@@ -144,6 +131,8 @@ class EventProblem(Augmented, EquilibriumProblem):
 
     def _on(self, base: EquilibriumProblem) -> Self:
         """The same event on another discretisation."""
+        if base is self.base:
+            return self
         x = self.reference[:-1]
         return self.on(np.append(self.base.carried(x, x, math.nan, base), self.reference[-1]), base)
 
@@ -290,8 +279,7 @@ class EventProblem(Augmented, EquilibriumProblem):
 
     def finer(self) -> Self:
         """On the finer discretisation."""
-        base = self.base.finer()
-        return self if base is self.base else self._on(base)
+        return self._on(self.base.finer())
 
     def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:
         """A state or direction on another discretisation."""
@@ -308,15 +296,7 @@ class EventProblem(Augmented, EquilibriumProblem):
         own = self.held(point)
         return equilibrium(own).defect(own)
 
-    @property
-    def size(self) -> int:
-        """Number of unknowns of the equilibrium."""
-        return self.base.size
-
-    @property
-    def rounding(self) -> float:
-        """Of the equilibrium."""
-        return self.base.rounding
+    size, rounding = (property(operator.attrgetter(f"base.{name}")) for name in ("size", "rounding"))
 
 
 def _room(place: float, rate: float, edges: tuple[float, float]) -> tuple[float, float]:

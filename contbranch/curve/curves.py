@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -36,15 +36,13 @@ __all__ = ["Coexisting", "FollowedCurves", "Model", "Route"]
 
 # How often a curve is continued until what a path jumps to lies on it.
 EXTENSIONS = 8
-# The last curve on which states were looked for is kept, since the next state asked for is often one of the same
-# contact, unless it has more rows than this and takes too much memory.
-MOST_ROWS_KEPT = 300
 # What is said of jumps whose ends are not certain.
 ASSUMED = (
     "After the fold at {} the path goes on at the next stable state along the curve ({}): the relaxation was not "
     "followed there, and energies along the curve do not exclude that it ends at another one, see `others` of the jump."
 )
 OFF_CURVE = "The relaxation from the fold at {} ends in a state that is not on the traced curve ({})."
+# The last curve on which states were looked for: the next state asked for is often one of the same contact.
 _recent: dict[tuple[Any, ...], Track] = {}
 Reading = TypeVar("Reading", Track, RawCurve)
 
@@ -188,7 +186,7 @@ class FollowedCurves:
             return self.track(request)
         key = (self.model, self.reduced, request)
         track = _recent.get(key) or self.track(request)
-        if over() or not 0 < len(track.points) < MOST_ROWS_KEPT:
+        if over() or not track.points:
             return track
         _recent.clear()
         _recent[key] = track
@@ -239,12 +237,11 @@ class FollowedCurves:
 
     def path(self, request: Request) -> Route:
         """The quasi-static path under a control."""
-        control, landings = request.control, dict[Hashable, int | None]()
-        request = replace(request, modes=0, fine=True)
+        control, request = request.control, replace(request, modes=0, fine=True)
         for _ in range(EXTENSIONS):
             track = self.track(request)
             curve = raw_curve(track, request)
-            walk = CurveWalk(track, curve.events, control, request.accuracy, landings)
+            walk = CurveWalk(track, curve.events, control, request.accuracy)
             legs, jumps, failed = quasi_static(walk) if len(track.points) > 1 else ([], [], "")
             endless = [jump for jump in jumps if jump.end is None and jump.direction > 0]
             if not (endless and curve.complete) or walk.off_curve or failed or over():

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -26,17 +27,13 @@ from contbranch.watch import INTERRUPTIONS, caught, finishing, over, tell
 
 __all__ = ["EventCurve"]
 
-# Beside first touch a curve starts at this w, and one that comes to half of it has come to it. Where first touch is not
-# found from there it is sought from closer places, by this factor, of which the other side is left from so many; what
-# is even closer than the last one without coming to it is followed to there: onsets become continuous like that.
+# Distances in w from first touch from which the curve on its other side is tried, the larger ones first. A curve that
+# comes to half the first of them, and is not found behind, is followed closer, down to the last: onsets become
+# continuous like that.
 TOUCH_ROOTS, CLOSER, STARTS, CLOSEST = 0.06, 0.3, 4, 1e-8
-# A curve passes first touch no more often than this.
-PASSAGES = 8
 # Error of loads along the curve; where it may lead far away, the stiffness of a weak spring is that of the interaction
 # there. Loads this many times larger count as none, or those below a share of the accuracy.
 TOLERANCE, FAR_TOLERANCE, RESOLVED, NEGLIGIBLE = 3e-7, 1e-9, 60.0, 0.5
-# Discretisations are made anew so often at the start.
-REMESHES = 3
 CUSP = "Two folds merge: a cusp. The curve goes on as the other fold."
 PAIR = "Two events of this kind merge: the parameter has an extremum along them."
 COINCIDENCE = "Load and displacement have their folds at the same state, and with them every spring."
@@ -49,53 +46,41 @@ UNDESCRIBED = "The event has come to the gap at which the table of the law ends.
 ENDED = (Outcome.REACHED_EDGE, Outcome.STARTED_ON_EDGE)
 
 
-class Edge(Event):
-    """First touch, or another edge of the equilibria's parameter; close to it, where there are no states beyond."""
-
-    name = "touch"
-    terminal = True
-    hidden_pairs = False
-
-    def __init__(self, beside: float = 0.0) -> None:
-        self.beside = beside
-
-    def value(self, point: Point) -> float:
-        """Distance of w."""
-        problem, w = augmented(point), float(point.x[-1])
-        low, high = map(problem.root, problem.base.parameter_range)
-        return min(w - low, high - w) - (0.0 if problem.base.beyond_edge else 0.5 * self.beside)
-
-
-class Described(Event):
-    """The end of what describes the law: a table."""
-
-    name = "table-end"
-    terminal = True
-    hidden_pairs = False
-
-    def value(self, point: Point) -> float:
-        """How much smaller the gap is."""
-        held = augmented(point).held(point)
-        problem = equilibrium(held)
-        return problem.described_to - values_of(held).central_gap
-
-
+@dataclass(frozen=True)
 class Meeting(Event):
-    """The rate of another control vanishes, too.
+    """A function of the points of the curve vanishes: another event lies at the same state."""
 
-    Parameters
-    ----------
-    name : str
-    weights : callable
-        Of load and displacement, at the parameter's coordinate.
-    """
-
-    def __init__(self, name: str, weights: Callable[[float], tuple[float, float]]) -> None:
-        self.name, self.weights = name, weights
+    function: Callable[[Point], float]
+    name: str
 
     def value(self, point: Point) -> float:
-        """Weighted rates of load and displacement along the equilibria at fixed parameter."""
-        return float(np.dot(self.weights(point.parameter), rates(augmented(point).held(point))))
+        """The function."""
+        return self.function(point)
+
+
+class Ending(Meeting):
+    """A function of the points of the curve vanishes where its representation ends."""
+
+    terminal = True
+    hidden_pairs = False
+
+
+def _to_touch(point: Point) -> float:
+    """Distance of w from first touch, or from another edge of the equilibria's parameter."""
+    problem, w = augmented(point), float(point.x[-1])
+    low, high = map(problem.root, problem.base.parameter_range)
+    return min(w - low, high - w)
+
+
+def _to_table_end(point: Point) -> float:
+    """How much smaller the gap is than the last one that the law's table describes."""
+    held = augmented(point).held(point)
+    return equilibrium(held).described_to - values_of(held).central_gap
+
+
+def _rate(point: Point, weights: Callable[[float], tuple[float, float]]) -> float:
+    """Weighted rates of load and displacement along the equilibria at fixed parameter."""
+    return float(np.dot(weights(point.parameter), rates(augmented(point).held(point))))
 
 
 @dataclass
@@ -123,17 +108,18 @@ class EventCurve:
     def __post_init__(self) -> None:
         self.family = self.condition.family
         self.tolerance = FAR_TOLERANCE if self.family.spacing == "angle" else TOLERANCE
-        self.negligible = max(NEGLIGIBLE * self.accuracy, RESOLVED * self.tolerance)
+        self.least_load = max(NEGLIGIBLE * self.accuracy, RESOLVED * self.tolerance)
         self.q = self.family.coordinate(self.family.start)
         self.known = {self.q: self.family.start, **{self.family.coordinate(value): value for value in self.to}}
         self.interval = Range(min(self.known), max(self.known))
         self.touching = self.condition.edge is not None
-        meetings = [Meeting("load", lambda _: LOAD.weights), Meeting("displacement", lambda _: DISPLACEMENT.weights)]
+        weights = {"load": lambda _: LOAD.weights, "displacement": lambda _: DISPLACEMENT.weights}
         if self.condition.folds:
-            meetings = [Meeting("coincidence", self._crossed)]
+            weights = {"coincidence": self._crossed}
         elif self.condition.control is not None:  # a fold in a corner
-            meetings = []
-        self.meetings: dict[str, Event] = {event.name: event for event in (Turn(), *meetings)}
+            weights = {}
+        met: list[Event] = [Meeting(partial(_rate, weights=own), name) for name, own in weights.items()]
+        self.meetings = {event.name: event for event in (Turn(), *met)}
         self.rows: list[FollowedPoint] = []
         self.points: list[Point] = []
         self.scale = self.beside = 0.0
@@ -185,19 +171,15 @@ class EventCurve:
 
     def _resolved(self, point: Point) -> Point:
         """A point on a discretisation as fine as the curve needs."""
-        for _ in range(REMESHES):
-            problem = equilibrium(point)
-            if problem.defect(point).relative(values_of(point)) <= self.tolerance:
-                break
+        problem = equilibrium(point)
+        if problem.defect(point).relative(values_of(point)) > self.tolerance:
             point = settled(moved(point, problem.resolving(point, self.tolerance)))
         return annotated(point, label="")
 
     def _onward(self, start: Point) -> tuple[list[Point], End]:
         """The curve from a point along its tangent, through first touch as often as it comes there, and how it ends."""
         points, end = self._piece(start, min(TOUCH_ROOTS, abs(float(start.x[-1]))))
-        for _ in range(PASSAGES):
-            if end.outcome is not Outcome.STOPPED_AT_EVENT or points[-1].label != "touch":
-                break
+        while points and points[-1].label == "touch" and len(points) < STEPS.maximum_points:
             try:
                 beyond, end = self._beyond(points)
             except CorrectionError as error:
@@ -213,28 +195,31 @@ class EventCurve:
         if outward and abs(start.tangent_parameter) > 1e-12:
             return [], End(Outcome.STARTED_ON_EDGE)
         problem = augmented(start)
-        margins = (Margin(name) for name in problem.margins(start.x, start.parameter))
+        margins: Iterable[Event] = (Margin(name) for name in problem.margins(start.x, start.parameter))
         self.beside = beside
-        edged = not self.touching and np.isfinite(problem.base.parameter_range).any()
-        ends = [Described()] if math.isfinite(problem.base.described_to) else []
-        events = [*self.meetings.values(), *margins, *ends, *([Edge(beside)] if edged else [])]
-        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._told))
+        events = [*self.meetings.values(), *margins]
+        if math.isfinite(problem.base.described_to):
+            events.append(Ending(_to_table_end, "table-end"))
+        if not self.touching and np.isfinite(problem.base.parameter_range).any():
+            least = 0.0 if problem.base.beyond_edge else 0.5 * beside  # there are no states beyond
+            events.append(Ending(lambda point: _to_touch(point) - least, "touch"))
+        branch = follow(start, problem.balance(start), self.interval, STEPS, events, StopAt(predicate=self._report))
         # Where the interaction has become negligible within the last step, what follows is rounding.
-        last = next((k for k, point in enumerate(branch.points) if self._far(point)), None)
+        last = next((k for k, point in enumerate(branch.points) if self._negligible(point)), None)
         if last is None:
             return branch.points, branch.end
         return [*branch.points[:last], replace(branch.points[last], label="")], End(Outcome.STOPPED_BY_PREDICATE)
 
-    def _told(self, point: Point) -> bool:
+    def _report(self, point: Point) -> bool:
         """Tell how far it is; whether the curve is to end."""
         share = abs(point.parameter - self.q) / self.interval.width
         tell(0.6 * share, f"{self.family.name} {self.family.value(point.parameter):.4g}")
-        return self._far(point)
+        return self._negligible(point)
 
-    def _far(self, point: Point) -> bool:
+    def _negligible(self, point: Point) -> bool:
         """Whether the interaction is negligible: the load, and its mean from here to infinity."""
         load, energy, gap = (abs(point.observables[name]) for name in ("load", "energy", "central_gap"))
-        negligible = max(load, energy / max(gap, self.scale)) <= self.negligible
+        negligible = max(load, energy / max(gap, self.scale)) <= self.least_load
         return negligible and gap > self.scale and not (self.touching or self.begins)
 
     # -- first touch --------------------------------------------------------------------------------------------------
@@ -252,35 +237,42 @@ class EventCurve:
         problem = augmented(last)
         x, p = problem.split(last.x)
         edge = min(problem.base.parameter_range, key=lambda one: abs(one - p))
-        doors = equilibrium(problem.held(last)).across(x, edge)
+        others = equilibrium(problem.held(last)).across(x, edge)  # first touch as the problem behind it has it
         if not problem.base.beyond_edge:
             points[-1] = replace(last, label="")
-            for door in doors[:1]:
-                other = problem.on(tangent_of(door), equilibrium(door))
-                touch = other.solved(other.joined(door.x, edge), last.parameter, place=True)
-                if not self.interval.contains(touch.parameter):  # it is not so close, and the range ends before
-                    raise CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
+            for touch in others[:1]:
+                behind = problem.on(tangent_of(touch), equilibrium(touch))
+                touch = self._within(behind.solved(behind.joined(touch.x, edge), last.parameter, place=True))
                 points.append(replace(touch, label="touch"))
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve was not found there.)")
-        for door, beside in itertools.product(doors, [TOUCH_ROOTS * CLOSER**k for k in range(STARTS)]):
-            rate = door.tangent_x / door.tangent_parameter
-            other = problem.on(np.append(rate, 1.0), equilibrium(door))
-            inward = 1.0 if edge == other.base.parameter_range[0] else -1.0
-            w = other.root(edge) + inward * beside
+        for touch, k in itertools.product(others, range(STARTS)):
+            beside, rate = TOUCH_ROOTS * CLOSER**k, touch.tangent_x / touch.tangent_parameter
+            behind = problem.on(np.append(rate, 1.0), equilibrium(touch))
+            inward = 1.0 if edge == behind.base.parameter_range[0] else -1.0
+            w = behind.root(edge) + inward * beside
             try:
-                z = np.append(door.x + (other.parameter(w) - edge) * rate, w)
-                start = self._resolved(other.solved(z, points[-1].parameter, place=True))
+                z = np.append(touch.x + (behind.parameter(w) - edge) * rate, w)
+                start = self._within(self._resolved(behind.solved(z, points[-1].parameter, place=True)))
             except CorrectionError as error:
                 failure = error
-                continue
-            if not self.interval.contains(start.parameter):
-                failure = CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
                 continue
             start = start if start.tangent_x[-1] * inward > 0 else start.turned()
             following, end = self._piece(start, beside)
             if following:
                 return [start, *following], end
         raise failure
+
+    def _within(self, point: Point) -> Point:
+        """The point, if the range asked for does not end before it.
+
+        Raises
+        ------
+        CorrectionError
+            If it does.
+        """
+        if not self.interval.contains(point.parameter):
+            raise CorrectionError(Outcome.REACHED_EDGE, "(The curve leaves the range at first touch.)")
+        return point
 
     # -- points made precise ------------------------------------------------------------------------------------------
     def _refine(self, points: list[Point], ends: tuple[End, End]) -> None:
@@ -348,7 +340,8 @@ class EventCurve:
             return None
         problem = augmented(point)
         upright = problem.on(tangent_of(problem.held(point)))
-        found = refine(settled(replace(point, problem=upright)), self.meetings.get(label, Edge()), self.accuracy)
+        event = self.meetings.get(label) or Meeting(_to_touch, "touch")
+        found = refine(settled(replace(point, problem=upright)), event, self.accuracy)
         if self.touching or label == "touch":
             found = replace(found, numbers=(*found.numbers[:2], 0.0, 0.0), error=(*found.error[:2], 0.0, 0.0))
         row = self._scaled(found, found.point, found.parameter_error * abs(self.family.rate(found.point.parameter)))
@@ -371,12 +364,12 @@ class EventCurve:
         """Whether the parameter goes on in the same sense at a point."""
         if k in (0, len(self.points) - 1):
             return True
-        before, here, after = (point.parameter for point in self.points[k - 1 : k + 2])
-        return (here - before) * (after - here) > 0
+        before, after = np.diff([point.parameter for point in self.points[k - 1 : k + 2]])
+        return bool(before * after > 0)
 
     def _ending(self, last: Point, end: End, count: int) -> tuple[str, str]:
         """The kind of special point that an end is, if any, and a sentence."""
-        if last.observables and self._far(last):
+        if last.observables and self._negligible(last):
             return "infinite-separation", "The event leaves to infinite separation."
         if end.outcome in ENDED:
             if self.family.spacing == "angle" and last.parameter in (0.0, 0.5 * math.pi):
@@ -418,6 +411,7 @@ class EventCurve:
 
 
 def _as_special(row: FollowedPoint, index: int, kind: str, message: str, control: str | None = None) -> Special:
+    """A row of the curve as a special point."""
     return Special(**{**vars(row), "kind": kind, "index": index, "control": control, "message": message})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,65 +13,62 @@ from contbranch.curve.problem import equilibrium, rates_of, values_of
 from contbranch.curve.refine import Found, further, moved, numbers, settled
 from contbranch.errors import ModelError
 from contbranch.results.diagram import Exponent, LocalExponent, Window
+from contbranch.results.record import OBSERVABLES
 from contbranch.watch import kept
 
 __all__ = ["critical_exponent", "crossover_excess", "fitted_window", "sampled_exponent"]
 
 # The window of the excess (reduced units) over which a power law is fitted.
 WINDOW = (1e-2, 1e1)
-# The local exponent is sampled at so many distances along the curve, up to this excess.
-HIGHEST, SAMPLES, NEAREST, FARTHEST = 1e2, 57, 1e-5, 6.0
-# Samples end where the discretisation is no longer good enough, or Newton's method has failed.
-LOST = 1e-4
-# Close to the event all samples share its discretisation, so that its errors cancel. At a greater distance that is to
-# serve this share of the excess, or the event's own error; it is made finer where it is so much worse.
-SHARE, POORER = 1e-7, 100.0
-# The error estimate at the event holds within this distance.
-NEARBY = 1e-3
-# Beyond, errors change along the curve: those of rates are larger than those of values by this factor.
-OF_RATES = 10.0
-# Samples end where the tangent disagrees so much with the secant to the last one, if that is at most so much closer.
+# The local exponent is sampled at so many distances along the curve, in reduced units, up to this excess. They begin
+# closer where an edge of the representation is close, but not where rounding hides the excess.
+NEAREST, CLOSEST, FARTHEST, SAMPLES, HIGHEST = 1e-5, 1e-8, 6.0, 57, 1e2
+# Samples share the discretisation of the event, so that their errors cancel, until errors there are so much larger.
+POORER = 100.0
+# Samples end where tangents and the secant between two of them differ by this much, though the excess of the farther
+# one is at most so many times larger: closer ones would be needed.
 INCONSISTENT, NEIGHBOUR = 2e-2, 4.0
-# Offset of the parameter for derivatives at a fold, and the share of the way to the edge of the representation, where
-# there may be a kink: in general, and where nothing but distance tells a curvature.
+# Errors of rates are larger than those of values by about this factor.
+OF_RATES = 10.0
+# Offset of the parameter for derivatives at a fold, and the largest share of the distance to the edge of the
+# representation, where there may be a kink: in general, and where nothing but distance tells a curvature.
 OFFSET, OF_ROOM, OF_GRAIN = 2e-2, 0.2, 0.45
-# Derivatives on a discretisation that was given, and over other windows, differ by this share at most.
+# Derivatives on two discretisations that were given differ by this share at most.
 AGREED = 0.3
 
 
 class _Side:
-    """The curve beside an event as functions of the parameter."""
+    """The curve beside an event.
 
-    def __init__(self, found: Found, control: Control, point: Point | None = None) -> None:
-        self.control, self.origin = control, point or found.point
-        self.contact = found.numbers[2] > 0 or point is not None
-        self.order_name = "contact_radius" if self.contact else "central_gap"
-        problem = equilibrium(self.origin)
-        edges = [abs(edge - self.origin.parameter) for edge in problem.parameter_range if edge != self.origin.parameter]
-        self.room = min(edges)
+    Attributes
+    ----------
+    contact : bool
+        Whether the order parameter is the contact radius; otherwise it is the central gap.
+    order : int
+        Its number among the observables.
+    start : Point
+        The event as the problem on this side has it, with its tangent towards growing contact.
+    room : float
+        Distance to the edge of the representation, in units of the problem's parameter.
+    """
 
-    def sample(self, point: Point) -> tuple[float, float, float, float]:
-        """Control, order parameter and their rates at a point of the curve."""
-        load, displacement, radius, gap = numbers(point)
-        rates = rates_of(point)
-        control = self.control.value(load, displacement), self.control.value(rates.load, rates.displacement)
-        order = (radius, rates.contact_radius) if self.contact else (gap, rates.central_gap)
-        return control[0], order[0], control[1], order[1]
+    def __init__(self, found: Found, control: Control, ahead: Point | None = None) -> None:
+        self.control, start = control, ahead or found.point
+        self.contact = found.numbers[2] > 0 or ahead is not None
+        self.order = 2 if self.contact else 3
+        rate = rates_of(start)[self.order]
+        self.start = start.turned() if (rate < 0) == self.contact else start
+        edges = equilibrium(start).parameter_range
+        self.room = min(abs(edge - start.parameter) for edge in edges if edge != start.parameter)
 
-    def left(self, point: Point) -> float:
-        """The error of a point, relative to its values."""
-        return equilibrium(point).defect(point).relative(values_of(point))
+    def seen(self, four: Sequence[float]) -> tuple[float, float]:
+        """Control and order parameter of four observables, of their rates or of their errors."""
+        return self.control.value(*four[:2]), four[self.order]
 
-    def served(self, point: Point, tolerance: float) -> tuple[Point, float]:
-        """The point on a finer discretisation where the present one is far worse than a tolerance; the error left."""
-        left, problem = self.left(point), equilibrium(point)
-        if left <= POORER * tolerance:
-            return point, left
-        try:
-            there = settled(moved(point, problem.finer()))
-        except (CorrectionError, ModelError):
-            return point, left
-        return min((point, left), (there, self.left(there)), key=lambda one: one[1])
+
+def _error(point: Point) -> float:
+    """The discretisation error of a point, relative to its values."""
+    return equilibrium(point).defect(point).relative(values_of(point))
 
 
 def critical_exponent(found: Found, control: Control) -> Exponent | None:
@@ -80,11 +77,11 @@ def critical_exponent(found: Found, control: Control) -> Exponent | None:
     With the order parameter q as coordinate, control = c0 + c2 (q − q0)²/2 + c3 (q − q0)³/6 + …, so
     |q − q0| = √(2Δ/|c2|) to leading order: kappa = 1/2 at every quadratic fold.
     """
-    side = _Side(found, control)
+    side, problem = _Side(found, control), equilibrium(found.point)
     try:
         second, third = _derivatives(side, found.point)
-        if equilibrium(found.point).grain:  # other windows say whether these are ripples
-            other = _derivatives(side, moved(found.point, equilibrium(found.point).finer()))
+        if problem.grain:  # ripples have other derivatives on another discretisation
+            other = _derivatives(side, moved(found.point, problem.finer()))
             if not abs(other[0] - second) < AGREED * abs(second):
                 return None
             third = third if abs(other[1] - third) < AGREED * abs(third) else 0.0
@@ -92,24 +89,20 @@ def critical_exponent(found: Found, control: Control) -> Exponent | None:
         return None
     if second == 0.0 or not math.isfinite(second):
         return None
-    local = sampled_exponent(found, control)
-    window = fitted_window(local, *WINDOW)
-    return Exponent(0.5, crossover_excess(second, third), window, math.sqrt(2 / abs(second)), side.order_name)
+    window, order = fitted_window(sampled_exponent(found, control), *WINDOW), OBSERVABLES[side.order]
+    return Exponent(0.5, crossover_excess(second, third), window, math.sqrt(2 / abs(second)), order)
 
 
 def _derivatives(side: _Side, fold: Point) -> tuple[float, float]:
     """Second and third derivative of the control with respect to the order parameter."""
     grain = equilibrium(fold).grain
     offset = min(grain, OF_GRAIN * side.room) if grain else min(OFFSET, OF_ROOM * side.room)
-    rows = np.array([side.sample(further(fold, offset * step)) for step in (-2, -1, 0, 1, 2)])
-    slopes = np.delete(rows[:, 2] / rows[:, 3] - rows[2, 2] / rows[2, 3], 2)
-    # slope = c2 q + c3 q²/2 + c4 q³/6 + c5 q⁴/24: four samples, four coefficients.
-    distances = np.delete(rows[:, 1] - rows[2, 1], 2)
-    scale = float(np.abs(distances).max())
-    q = distances / scale
-    powers = np.stack([q, q**2 / 2, q**3 / 6, q**4 / 24], axis=1)
-    coefficients = np.linalg.solve(powers, slopes)
-    return float(coefficients[0] / scale), float(coefficients[1] / scale**2)
+    points = [further(fold, offset * step) for step in (-2, -1, 0, 1, 2)]
+    distances = np.array([side.seen(numbers(point))[1] for point in points])
+    slopes = np.array([np.divide(*side.seen(rates_of(point))) for point in points])
+    # The slope is c2 q + c3 q²/2 + c4 q³/6 + c5 q⁴/24.
+    _, _, half_third, second, _ = np.polyfit(distances - distances[2], slopes - slopes[2], 4).tolist()
+    return second, 2.0 * half_third
 
 
 def sampled_exponent(found: Found, control: Control, ahead: Point | None = None) -> LocalExponent:
@@ -124,61 +117,45 @@ def sampled_exponent(found: Found, control: Control, ahead: Point | None = None)
         First touch as the problem in contact has it.
     """
     rows: list[tuple[float, float, float, float]] = []
-    kept(lambda: rows.extend(_samples(found, control, ahead)), None)
+    kept(lambda: rows.extend(_samples(_Side(found, control, ahead), found)), None)
     table = np.array(rows).reshape(-1, 4)
-    table = table[table[:, 3] < 0.5] if len(table) else table
-    return LocalExponent(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
+    return LocalExponent(*table[table[:, 3] < 0.5].T)
 
 
-def _samples(found: Found, control: Control, ahead: Point | None) -> Iterator[tuple[float, float, float, float]]:
+def _samples(side: _Side, found: Found) -> Iterator[tuple[float, float, float, float]]:
     """Excess, distance of the order parameter, local exponent and its error, farther and farther away."""
-    side = _Side(found, control, ahead)
-    control0, order0 = control.value(*found.numbers[:2]), found.numbers[2 if side.contact else 3]
-    errors = control.value(*found.error[:2]), found.error[2 if side.contact else 3]
-    near, direction, travelled = side.origin, 0, 0.0
-    left = relative = side.left(near)
-    # Towards growing contact, or (without contact) a shrinking gap.
-    rates = rates_of(near)
-    if (rates.contact_radius if side.contact else -rates.central_gap) < 0:
-        near = near.turned()
-    last = (0.0,) * 4
+    origin, errors = np.array(side.seen(found.numbers)), side.seen(found.error)
+    near, travelled = side.start, 0.0
     grain = equilibrium(near).grain
     limit = math.inf if side.contact and not grain else side.room
-    small = 1.0 if ahead is not None else min(1.0, side.room)
-    nearest = 0.5 * grain or NEAREST
-    for distance in np.geomspace(nearest, FARTHEST, SAMPLES):
-        step = distance * max(1e-3, small) if distance < 1e-3 else distance
-        if step >= limit:
-            break
+    last, kappa, error = np.zeros(2), 0.0, 0.0
+    nearest = 0.5 * grain or max(CLOSEST, NEAREST * min(1.0, side.room))
+    for step in np.geomspace(nearest, FARTHEST, SAMPLES):
+        if step >= limit or abs(last[0]) > HIGHEST:
+            return
         try:
             near, travelled = further(near, step - travelled), step
-        except CorrectionError:
-            break
+            left = _error(near)
+            if left > POORER * found.relative_error():
+                near = settled(moved(near, equilibrium(near).finer()))
+                left = _error(near)
+        except (CorrectionError, ModelError):
+            return
         if min(equilibrium(near).margins(near.x, near.parameter).values(), default=1.0) < 0.0:
-            break
-        if step > NEARBY:
-            value = side.sample(near)[0]
-            size = max(1.0, abs(value))
-            near, left = side.served(near, max(SHARE * abs(value - control0), errors[0]) / size)
-            relative = OF_RATES * left
-        if not left < LOST:
-            break
-        value, order, control_rate, order_rate = side.sample(near)
-        excess, change = value - control0, order - order0
-        direction = direction or (1 if excess > 0 else -1)
-        if excess * direction <= 0 or abs(excess) <= last[0] or not math.isfinite(excess):
-            break  # the control has turned round: another fold
-        kappa = excess * order_rate / (change * control_rate)
-        error = abs(kappa) * ((errors[0] + relative * max(1.0, abs(value))) / abs(excess) + errors[1] / abs(change))
-        if abs(excess) < NEIGHBOUR * last[0]:
-            # The samples themselves say what their tangents should be.
-            secant = math.log(abs(change) / last[1]) / math.log(abs(excess) / last[0])
-            if not abs(secant - (kappa + last[2]) / 2) < INCONSISTENT + error + last[3]:
-                break
-        last = abs(excess), abs(change), kappa, error
-        yield last
-        if abs(excess) > HIGHEST:
-            break
+            return
+        here, rates = np.array(side.seen(numbers(near))), side.seen(rates_of(near))
+        change, before = here - origin, (kappa, error)
+        if not (change * last >= 0.0).all() or not abs(change[0]) > abs(last[0]):
+            return  # the control has turned round: another fold
+        kappa = change[0] * rates[1] / (change[1] * rates[0])
+        off = errors[0] + OF_RATES * left * max(1.0, abs(here[0])), errors[1]
+        error = abs(kappa) * float(np.sum(off / np.abs(change)))
+        if abs(change[0]) < NEIGHBOUR * abs(last[0]):
+            control, order = np.log(change / last)
+            if not abs(order / control - (kappa + before[0]) / 2) < INCONSISTENT + error + before[1]:
+                return
+        last = change
+        yield abs(change[0]), abs(change[1]), kappa, error
 
 
 def crossover_excess(second: float, third: float) -> float | None:

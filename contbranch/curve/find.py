@@ -26,8 +26,8 @@ __all__ = ["HeldProblem", "disconnected"]
 
 # Rows from which the search starts in each representation.
 ROWS = 6
-# States closer than this, relative to max(1, |value|), and this multiple of their errors are one.
-SAME_STATE, APART = 1e-5, 3.0
+# States closer than this multiple of their errors are one.
+APART = 3.0
 
 
 class HeldProblem(Problem):
@@ -54,22 +54,18 @@ class HeldProblem(Problem):
             return np.full_like(x, np.inf)
         return np.append(residual, self.control.weighted(values.load, values.displacement) - p)
 
-    def jacobian(self, x: Array, p: float) -> Array:
-        """Derivatives with respect to (x, u), (n + 1, n + 1)."""
-        state, u = x[:-1], float(x[-1])
+    def linearise(self, x: Array, p: float) -> Linearisation:
+        """Residual and Jacobian, (n + 1, n + 1); the parameter enters the last equation alone."""
+        residual, state, u = self.residual(x, p), x[:-1], float(x[-1])
+        if not np.isfinite(residual).all():
+            return Linearisation(residual, np.empty((0, 0)), residual)
         _, jacobian, slope = self.problem.linearise(state, u)
         along = self.problem.rates(state, u, np.zeros_like(state), 1.0)
         load, displacement = self.problem.gradients(state, u)
         first, second = self.control.weights
-        held = np.append(first * load + second * displacement, first * along.load + second * along.displacement)
-        return np.vstack([np.column_stack([np.asarray(jacobian), slope]), held])
-
-    def linearise(self, x: Array, p: float) -> Linearisation:
-        """Residual and Jacobian; the parameter enters the last equation alone."""
-        residual = self.residual(x, p)
-        if not np.isfinite(residual).all():
-            return Linearisation(residual, np.empty((0, 0)), residual)
-        return Linearisation(residual, self.jacobian(x, p), np.append(np.zeros(len(x) - 1), -1.0))
+        held = np.append(first * load + second * displacement, self.control.weighted(along.load, along.displacement))
+        whole = np.vstack([np.column_stack([np.asarray(jacobian), slope]), held])
+        return Linearisation(residual, whole, np.append(np.zeros_like(state), -1.0))
 
     def inner(self, u: Array, v: Array) -> float:
         """The problem's own in units of the size, plus the product of the parameters."""
@@ -160,4 +156,4 @@ def _admissible(problem: EquilibriumProblem, x: Array, p: float) -> bool:
 def _same(one: Found, other: Found) -> bool:
     """Whether two states are one, as far as their errors tell."""
     pairs = zip(one.numbers, other.numbers, one.error, other.error, strict=True)
-    return all(abs(a - b) <= SAME_STATE * max(1.0, abs(a)) + APART * (c + d) for a, b, c, d in pairs)
+    return all(abs(a - b) <= APART * (c + d) for a, b, c, d in pairs)

@@ -22,8 +22,8 @@ from contbranch.watch import kept
 
 __all__ = ["loop"]
 
-# So many points a leg where load, displacement or contact radius change, and between two points of the curve.
-POINTS_PER_LEG, MOST_BETWEEN_ROWS = 40, 15
+# So many points a leg where load, displacement or contact radius change.
+POINTS_PER_LEG = 40
 
 
 def loop(contact: Contact, route: Route, control: Control, choice: ModelChoice, cost: Cost) -> Hysteresis:
@@ -122,7 +122,7 @@ def _leg(route: Route, leg: Leg) -> list[State]:
     extent = np.ptp(table, axis=0)
     changes = np.abs(np.diff(table, axis=0)) / np.where(extent > 0.0, extent, 1.0)
     for begin, end, change in zip(leg.stops[:-1], leg.stops[1:], changes, strict=True):
-        count = min(MOST_BETWEEN_ROWS, math.ceil(float(change.max()) * POINTS_PER_LEG) - 1)
+        count = math.ceil(float(change.max()) * POINTS_PER_LEG) - 1
         if count > 0 and begin.piece != -1 and end.piece != -1:
             states += kept(partial(route.walk.between, begin, end, count), [])
         states.append(end.state)

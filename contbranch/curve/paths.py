@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,7 +15,7 @@ from contbranch.arrays import Array, Integers
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import LOAD, Control
 from contbranch.curve.outcome import RawEvent
-from contbranch.curve.problem import AstrayError, Values, equilibrium, rates_of, values_of
+from contbranch.curve.problem import AstrayError, equilibrium, rates_of, values_of
 from contbranch.curve.quasi_static import Stop, next_along
 from contbranch.curve.solve import Crossing, before, crossing, energy_at, seen, state_on
 from contbranch.curve.tolerances import QUADRATURE_SHARE
@@ -39,9 +39,6 @@ class CurveWalk:
     control : Control
     accuracy : float
         Error allowed to the states between which the path jumps, relative to max(1, |value|).
-    landings : dict
-        Which of several states relaxations have reached, by the numbers of them all: on the same curve, too, where that
-        was not followed as far.
     assumed : list of (Stop, Stop)
         Folds, and states after them, between which the relaxation was not followed and energies do not decide.
     off_curve : list of (Stop, State)
@@ -52,7 +49,6 @@ class CurveWalk:
     events: Sequence[RawEvent] = ()
     control: Control = LOAD
     accuracy: float = 0.0
-    landings: dict[Hashable, int | None] = field(default_factory=dict, repr=False)
     assumed: list[tuple[Stop, Stop]] = field(default_factory=list)
     off_curve: list[tuple[Stop, State]] = field(default_factory=list)
     _crossings: dict[tuple[int, float], Stop] = field(default_factory=dict, init=False, repr=False)
@@ -96,11 +92,13 @@ class CurveWalk:
 
     def row(self, row: int) -> State:
         """The state of a row, without profile."""
-        load, displacement, radius, gap, energy = (self.track.points[row].observables[name] for name in Values._fields)
-        return State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0)
+        return seen(self.track.points[row])
 
     def stop(self, row: int) -> Stop:
-        """A row as a stop."""
+        """A row as a stop: the fold, as it was located, where there is one."""
+        return self.folds.get(row) or self._at_row(row)
+
+    def _at_row(self, row: int) -> Stop:
         return Stop(self._piece(row), self.row(row), self.track.points[row], row)
 
     def _piece(self, row: int) -> int:
@@ -123,15 +121,14 @@ class CurveWalk:
         ModelError
             If it was not found.
         """
-        if (piece, value) not in self._crossings:
-            there = crossing(self.track, piece, self.control, value, self.accuracy)
-            rates = rates_of(there.found.point)
-            pace = abs(self.control.weighted(rates.load, rates.displacement))
-            if value_error and pace:
-                error = np.array(there.found.error) + np.abs(rates) * (value_error / pace)
-                there = replace(there, found=replace(there.found, error=tuple(error.tolist())))
-            self._crossings[piece, value] = self._stop(there)
-        return self._crossings[piece, value]
+        key = piece, value
+        if key not in self._crossings:
+            found = crossing(self.track, piece, self.control, value, self.accuracy).found
+            rates = rates_of(found.point)
+            pace = abs(self.control.weighted(rates.load, rates.displacement)) or math.inf
+            error = np.add(found.error, np.abs(rates) * (value_error / pace))
+            self._crossings[key] = self._stop(Crossing(piece, replace(found, error=tuple(error.tolist()))))
+        return self._crossings[key]
 
     def before(self, value: float) -> Stop | None:
         """The state farther away than the first row; None under load, which holds nothing out there.
@@ -152,9 +149,9 @@ class CurveWalk:
         if key not in self._between:
             states = self._between[key] = []
             with suppress(CorrectionError):
-                parts = self._parts(begin, end) if equilibrium(begin.place).states_between else []
-                for piece in (part for part in parts if isinstance(part, Piece)):
-                    states += (seen(piece.point((k + 1) / (count + 1))) for k in range(count))
+                for piece in self._parts(begin, end) if equilibrium(begin.place).states_between else ():
+                    if isinstance(piece, Piece):
+                        states += (seen(piece.point((k + 1) / (count + 1))) for k in range(count))
         return self._between[key]
 
     def _parts(self, begin: Stop, end: Stop) -> list[Piece | Point]:
@@ -167,12 +164,8 @@ class CurveWalk:
         """
         onward = self.track.onward
         first = begin.place if begin.row is None else onward.get(begin.row, begin.place)
-        problem = equilibrium(first)
-        if (
-            math.floor(begin.position) in self.track.gaps
-            or problem.cornered
-            or not problem.joins(equilibrium(end.place))
-        ):
+        problem, gap = equilibrium(first), math.floor(begin.position) in self.track.gaps
+        if gap or problem.cornered or not problem.joins(equilibrium(end.place)):
             return [first, end.place]
         return [Piece(*linked(first, end.place), (begin.row in onward, end.row in onward))]
 
@@ -181,21 +174,17 @@ class CurveWalk:
         if begin.position > end.position:
             return -self.work(end, begin)
         row = math.ceil(end.position)
-        stops = [begin, *map(self.stop, range(math.floor(begin.position) + 1, row)), end]
+        stops = [begin, *map(self._at_row, range(math.floor(begin.position) + 1, row)), end]
         if end.row in self.track.onward and not self.track.problem(row).joins(equilibrium(end.place)):
-            stops.insert(-1, self.stop(row))  # a fold on the far side of a touch
+            stops.insert(-1, self._at_row(row))  # a fold on the far side of a touch
+        problem = self.track.problem(0)
+        # Equations without discretisation errors are integrated to rounding.
+        share = 0.0 if problem.finer() is problem else QUADRATURE_SHARE * self.accuracy
         try:
             parts = [part for ends in pairwise(stops) for part in self._parts(*ends)]
-            return work_along(begin.place, parts, end.place, self._quadrature_error)
+            return work_along(begin.place, parts, end.place, max(share, 10.0 * problem.rounding))
         except CorrectionError:
             return values_of(end.place).energy - values_of(begin.place).energy
-
-    @property
-    def _quadrature_error(self) -> float:
-        """Quadrature error allowed on a piece; equations without errors of their own are integrated as exactly."""
-        problem = self.track.problem(0)
-        share = 0.0 if problem.finer() is problem else QUADRATURE_SHARE * self.accuracy
-        return max(share, 10.0 * problem.rounding)
 
     def relaxed(self, fold: Stop, candidates: Sequence[Stop], direction: int) -> Stop | None:
         """Which of several stable states overdamped relaxation from a fold reaches.
@@ -209,11 +198,8 @@ class CurveWalk:
         if alike or self.relaxes_off_curve:
             guarded = not all(problem.relaxes_to(equilibrium(point)) for point in self.track.points)
             places = [stop.place for stop in alike]
-            numbers = (guarded, *(values_of(place) for place in (fold.place, *places)))
             try:
-                if numbers not in self.landings:
-                    self.landings[numbers] = problem.relaxed(fold.place, self.control, direction, places, guarded)
-                reached = self.landings[numbers]
+                reached = problem.relaxed(fold.place, self.control, direction, places, guarded)
             except AstrayError as astray:
                 self.off_curve.append((fold, astray.state))
                 return None

@@ -90,18 +90,18 @@ class Regions:
 
     def _beside_special(self) -> list[float]:
         """Values on both sides of every special point, close to it: the parts change there."""
-        special = [one.value for found in self.boundaries for one in found.special if one.control is None]
-        known = np.array([self.family.coordinate(value) for value in self.values])
-        if known.size < 2:
+        known = [self.family.coordinate(value) for value in self.values]
+        if len(known) < 2:
             return []
-        places = np.array([self.family.coordinate(value) for value in special])
-        places = places[(places > known.min()) & (places < known.max())]
-        apart = np.ptp(known) / (known.size - 1)
-        found: list[float] = []
-        for place in sorted(p + side * SPECIAL_DISTANCE * apart for p in places for side in (-1.0, 1.0)):
-            if min(abs(place - other) for other in (*known, *found)) > 0.5 * SPECIAL_DISTANCE * apart:
-                found.append(place)
-        return [self.family.value(place) for place in found]
+        low, high = min(known), max(known)
+        distance = SPECIAL_DISTANCE * (high - low) / (len(known) - 1)
+        special = [one.value for found in self.boundaries for one in found.special if one.control is None]
+        places = [place for place in map(self.family.coordinate, special) if low < place < high]
+        count = len(known)
+        for place in sorted(place + side * distance for place in places for side in (-1.0, 1.0)):
+            if min(abs(place - other) for other in known) > 0.5 * distance:
+                known.append(place)
+        return [self.family.value(place) for place in known[count:]]
 
     def _add(self, value: float) -> None:
         """Trace the curve at a value, and follow the events on it that lie on no known boundary."""
@@ -125,7 +125,7 @@ class Regions:
             goals = tuple(v for v in self.between if v != value)
             found = followed(event, replace(self.family, start=value, contact=member), goals, self.accuracy)
             self.boundaries.append(found)
-            known.extend(_met(found, edges, value, member))
+            known += _met(found, edges, value, member)
             self.newton += found.cost.newton
             if found.status != "complete":
                 self.messages.append(found.message)
@@ -135,9 +135,8 @@ class Regions:
         found = [value for boundary in self.boundaries for value in boundary.curve[self.kind]]
         found = found or [end for row in self.parts for part in row for end in (part.start, part.stop)]
         finite = [value for value in found if math.isfinite(value)] or [0.0]
-        low, high = min(finite), max(finite)
-        room = FRAME_SHARE * ((high - low) or max(1.0, abs(high)))
-        return np.linspace(low - room, high + room, LEVELS)
+        room = FRAME_SHARE * (np.ptp(finite) or max(1.0, abs(finite[0])))
+        return np.linspace(min(finite) - room, max(finite) + room, LEVELS)
 
 
 def _begun_on_rings(diagram: Diagram) -> list[Event]:
@@ -184,8 +183,8 @@ def _met(boundary: Followed, events: Sequence[Event], value: float, member: Cont
         shift = abs(point.displacement - event.displacement) / max(scales.normal, abs(event.displacement))
         return max(load, shift, abs(point.contact_radius - event.contact_radius) / (30 * scales.in_plane))
 
-    alike = [k for k, event in enumerate(events) if event.kind == boundary.event.kind]
     found: dict[int, int] = {}  # of a point, its event
+    alike = [k for k, event in enumerate(events) if event.kind == boundary.event.kind]
     for distance, i, k in sorted((apart(events[k], point), i, k) for i, point in enumerate(points) for k in alike):
         if distance <= SAME_EVENT and i not in found and k not in found.values():
             found[i] = k

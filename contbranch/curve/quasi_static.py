@@ -117,7 +117,9 @@ def _follow(walk: CurveWalk, legs: list[Leg], jumps: list[Jump]) -> None:
         parts = _stable_parts(walk)
         if not parts:
             return
-        part, begin = parts[0], _start(walk, parts[0])
+        part = parts[0]
+        zero = [piece for piece in part if part.start and _passes(walk, piece, 0.0)]
+        begin = walk.crossing(zero[0], 0.0) if zero else walk.stop(part.start)
     for direction in (1, -1):
         while True:
             leg = _followed(walk, part, begin, direction)
@@ -158,12 +160,6 @@ def _stable_parts(walk: CurveWalk) -> list[range]:
     return [range(*ends) for ends in pairwise(sorted(edges)) if stable[ends[0]]]
 
 
-def _start(walk: CurveWalk, part: range) -> Stop:
-    """Where a path begins on the first stable part."""
-    zero = [piece for piece in part if part.start and _passes(walk, piece, 0.0)]
-    return walk.crossing(zero[0], 0.0) if zero else walk.folds.get(part.start) or walk.stop(part.start)
-
-
 def _passes(walk: CurveWalk, piece: int, value: float) -> bool:
     """Whether the control passes a value on a piece."""
     low, high = sorted(walk.values[piece : piece + 2])
@@ -174,7 +170,7 @@ def _followed(walk: CurveWalk, part: range, begin: Stop, direction: int) -> Leg:
     """A stable part followed from a stop on it to its end, while the control moves in a direction."""
     onward = (walk.rising[part.start] > 0) == (direction > 0)
     rows = range(begin.piece + 1, part.stop + 1) if onward else range(begin.piece, part.start - 1, -1)
-    return Leg(direction, (begin, *(walk.folds.get(row) or walk.stop(row) for row in rows if row != begin.row)))
+    return Leg(direction, (begin, *(walk.stop(row) for row in rows if row != begin.row)))
 
 
 def _check_end(walk: CurveWalk, end: Stop) -> None:
@@ -202,12 +198,12 @@ def _jump(walk: CurveWalk, parts: Sequence[range], fold: Stop, direction: int) -
     control = walk.control
     value = control.of(fold.state)
     height = control.height(value, fold.state)
-    outside = walk.before(value) if walk.unstable[0] == 0 and value < walk.values[0] else None
+    error = control.weighted(fold.state.error["load"], fold.state.error["displacement"])
     # The stable part that ends here has the value nowhere else.
     elsewhere = [piece for part in parts if fold.row not in (part.start, part.stop) for piece in part]
-    error = control.weighted(fold.state.error["load"], fold.state.error["displacement"])
-    candidates = [] if outside is None else [outside]
-    candidates += [walk.crossing(piece, value, error) for piece in elsewhere if _passes(walk, piece, value)]
+    candidates = [walk.crossing(piece, value, error) for piece in elsewhere if _passes(walk, piece, value)]
+    if walk.unstable[0] == 0 and value < walk.values[0] and (outside := walk.before(value)) is not None:
+        candidates.insert(0, outside)
     above = [(stop, control.height(value, stop.state) - height) for stop in candidates]
     # Errors may hide what is lower, as next to a continuous onset.
     below = [stop for stop, more in above if more < 0.0]
@@ -235,27 +231,20 @@ def next_along(walk: CurveWalk, fold: Stop, candidates: Sequence[Stop]) -> tuple
     candidates : sequence of Stop
         Stable states at the fold's value of the control; at least one.
     """
-    row, control = fold.row, walk.control
-    assert row is not None
-    onward = row > 0 and walk.unstable[row - 1] == 0
-    value = control.of(fold.state)
-    height = control.height(value, fold.state)
+    row, value = fold.row or 0, walk.control.of(fold.state)
+    sense = 1 if row > 0 and walk.unstable[row - 1] == 0 else -1  # in which rows follow beyond the fold
+    height = walk.control.height(value, fold.state)
+    # Pieces by how many rows beyond the fold they lie; less than zero is the side that the path comes from.
+    places = {sense * (stop.piece + 0.5 - row): stop for stop in candidates}
+    unstable = [piece for piece in np.flatnonzero(walk.unstable).tolist() if _passes(walk, piece, value)]
+    saddles = {sense * (piece + 0.5 - row): piece for piece in unstable}
+    beyond = sorted(place for place in places if place > 0)
+    nearest = beyond[0] if beyond else max(places)
 
-    def ahead(piece: int) -> float:
-        """How many rows beyond the fold a piece lies; less than zero: on the side that the path comes from."""
-        return piece + 0.5 - row if onward else row - piece - 0.5
+    def separated(low: float, high: float) -> bool:
+        between = [piece for place, piece in saddles.items() if low < place < high]
+        return any(walk.control.height(value, walk.crossing(piece, value).state) >= height for piece in between)
 
-    places = {ahead(stop.piece): stop for stop in candidates}
-    beyond = [place for place in places if place > 0]
-    nearest = min(beyond or places, key=abs)
-    saddles = [piece for piece in np.flatnonzero(walk.unstable).tolist() if _passes(walk, piece, value)]
-
-    def separated(place: float) -> bool:
-        low, high = sorted((place, nearest if place > 0 else 0.0))
-        between = [piece for piece in saddles if low < ahead(piece) < high]
-        return any(control.height(value, walk.crossing(piece, value).state) >= height for piece in between)
-
-    further = min((place for place in beyond if place != nearest), default=None)
     behind = max((place for place in places if place < 0), default=None)
-    neighbours = [place for place in (further, behind) if place is not None]
-    return places[nearest], bool(beyond) and all(map(separated, neighbours))
+    certain = bool(beyond) and (behind is None or separated(behind, 0.0))
+    return places[nearest], certain and (len(beyond) < 2 or separated(nearest, beyond[1]))

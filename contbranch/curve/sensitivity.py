@@ -46,8 +46,6 @@ FINE = 1e-8
 # heights and of the modulus; energies per area grow like E Z²/X.
 POWERS = np.array([[1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
 UNITS = (1.0 + np.eye(3)).tolist()
-# A parameter that follows from the others has at least this share in what it follows from.
-INDEPENDENT_SHARE = 0.1
 
 
 class Sensitivities:
@@ -110,22 +108,21 @@ def _powers(contact: Contact, values: Mapping[str, float]) -> tuple[dict[str, Ar
     """Units (d, 3) that are free, as powers of those of lengths in the plane, of heights and of the modulus, d ≤ 3, and
     the powers (d,) with which parameters grow with them."""
     law, tables = contact.interaction, _tables(contact)
-    scaled = []
+    scaled, grown = [], []
     for in_plane, normal, modulus in UNITS:
         energy = modulus * normal**2 / in_plane
         changed = None if law is None else law.scaled(1.0 / normal, 1.0 / energy)
         other = Contact(
             contact.axisymmetric_tip.scaled(1.0 / in_plane, 1.0 / normal), changed, contact.modulus * modulus
         )
-        numbers = {name: one.value for name, one in parameters_of(other).items()}
-        scaled.append((numbers, np.log2(np.divide(_tables(other), tables))))
-    grown = np.array([one for _, one in scaled]).T.round(9)
-    freedoms = scipy.linalg.null_space(grown).T if tables else np.eye(3)
+        scaled.append({name: one.value for name, one in parameters_of(other).items()})
+        grown.append(np.log2(np.divide(_tables(other), tables)).round(9))
+    freedoms = scipy.linalg.null_space(np.transpose(grown)).T if tables else np.eye(3)
     powers = {
-        name: np.array([math.log2(own[name] / value) if value else 0.0 for own, _ in scaled])
+        name: freedoms @ [math.log2(own[name] / value) if value else 0.0 for own in scaled]
         for name, value in values.items()
     }
-    return {name: freedoms @ own for name, own in powers.items()}, freedoms
+    return powers, freedoms
 
 
 def _tables(contact: Contact) -> list[float]:
@@ -142,12 +139,11 @@ def _implied(powers: Mapping[str, Array]) -> list[str]:
     stiff, so that differences of states would not be small. Before the modulus come those that move the edge of a tip:
     heights rise without bound there, and differences depend on their step.
     """
-    found: dict[str, Array] = {}
-    for name, row in powers.items():
-        left = row - sum(((row @ one) * one for one in found.values()), np.zeros_like(row))
-        if (size := float(np.linalg.norm(left))) > INDEPENDENT_SHARE:
-            found[name] = left / size
-    return list(found)
+    found: list[str] = []
+    for name in powers:
+        if np.linalg.matrix_rank([powers[one].round(9) for one in (*found, name)]) > len(found):
+            found.append(name)
+    return found
 
 
 def _moves_edge(parameter: Parameter) -> bool:
@@ -167,8 +163,8 @@ class _Event:
         self.event, self.edge = Margin(margin) if margin and not held else None, point.parameter if held else None
         self.control = None if control is None else control.scaled(contact.scales.stiffness)
 
-    def _rates(self, family: Family, interval: Range) -> Array:
-        """Derivatives of the observables by the family's coordinate, (4,).
+    def _rates(self, family: Family, low: float = -math.inf, high: float = math.inf) -> Array:
+        """Derivatives of the observables by the family's coordinate, which is known between two values, (4,).
 
         Raises
         ------
@@ -176,7 +172,7 @@ class _Event:
             If the event cannot be followed.
         """
         what = Condition(family, self.control, self.event, self.edge)
-        system, q = EventProblem.around(what, self.point, interval), family.coordinate(family.start)
+        system, q = EventProblem.around(what, self.point, Range(low, high)), family.coordinate(family.start)
         z = system.joined(self.point.x, self.point.parameter)
         return np.array(system.rates(z, q, system.moved(z, q), 1.0))
 
@@ -189,10 +185,9 @@ class _Event:
             with suppress(InputError):
                 family.reduced(side * STEP)
                 edges[k] = side * math.inf
-        return self._rates(family, Range(*edges)) / share
+        return self._rates(family, *edges) / share
 
     def rates_by_stiffness(self, stiffness: float) -> Array:
         """Derivatives by the logarithm of a spring's stiffness, in the contact's units."""
         family = Family("stiffness", stiffness, self.contact, lambda _: self.contact, "angle")
-        rates = self._rates(family, Range(-math.inf, math.inf))
-        return 0.5 * math.sin(2 * family.coordinate(stiffness)) * rates
+        return 0.5 * math.sin(2 * family.coordinate(stiffness)) * self._rates(family)

@@ -12,11 +12,12 @@ from contbranch.arrays import Array
 from contbranch.continuation import CorrectionError, Point
 from contbranch.control import DISPLACEMENT, LOAD, Control
 from contbranch.curve.events import Reached
-from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
+from contbranch.curve.problem import Values, equilibrium, rates_of, values_of
 from contbranch.curve.refine import Found, moved, numbers, refine, settled
 from contbranch.curve.track import Track, between
 from contbranch.errors import ModelError
 from contbranch.results.diagram import State
+from contbranch.results.record import OBSERVABLES
 from contbranch.watch import finishing, kept
 
 __all__ = ["CONTROLS", "Crossing", "before", "crossing", "crossings", "pieces_at", "state_apart", "state_on"]
@@ -24,7 +25,7 @@ __all__ = ["CONTROLS", "Crossing", "before", "crossing", "crossings", "pieces_at
 # What may be asked for; a contact radius is no control.
 CONTROLS: Mapping[str, Control | None] = {"load": LOAD, "displacement": DISPLACEMENT, "contact_radius": None}
 # The finer discretisation that an energy is compared with has an error of its own; sums of energies round.
-SAFETY, ENERGY_ROUNDINGS = 3.0, 2.5
+SAFETY = 3.0
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,9 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
         own = None if control is None else equilibrium(begin).meeting(begin, end, control, value)
         if own is not None:
             return Crossing(piece, refine(own, event, accuracy))
-        nearest = [begin, end.turned()]  # where there is no piece in between: with the one whose problem has it
-        with suppress(CorrectionError):  # or neither row's discretisation reaches the other row
-            nearest = nearest if piece in track.gaps else [between(track.link(piece), event)[1]]
+        nearest = [begin, end.turned()]
+        with suppress(CorrectionError):  # of two rows that no piece joins: with the one whose problem has the state
+            nearest = [between(track.link(piece), event)[1]]
         found = _refined(nearest, event, accuracy)
         if len(nearest) == 1:
             found += _refined(_beside(track, piece, event, found[0]), event, accuracy)
@@ -191,22 +192,19 @@ def state_apart(found: Found, controls: Sequence[Control], given: Mapping[str, f
     """The same for a state off the curve: its Morse indices by inertia and by the slope dF/dd."""
     point = found.point
     held = equilibrium(point).unstable(point.x, point.parameter)
-    rates = rates_of(point)
-    return _state(found, [held + _freed(control, rates) for control in controls], given or {})
-
-
-def _freed(control: Control, rates: Rates) -> int:
-    """Whether freeing the displacement makes one direction more unstable: dF/dd + K < 0."""
-    return int(control.weighted(rates.load, rates.displacement) * rates.displacement < 0)
+    load, displacement, *_ = rates_of(point)
+    # Freeing the displacement makes one direction more unstable where dF/dd + K < 0.
+    freed = [control.weighted(load, displacement) * displacement < 0 for control in controls]
+    return _state(found, [held + int(more) for more in freed], given or {})
 
 
 @finishing()
 def _state(found: Found, indices: Sequence[int], given: Mapping[str, float]) -> State:
     point = found.point
     problem, state, p = equilibrium(point), point.x, point.parameter
-    names = ("load", "displacement", "contact_radius", "central_gap")
-    load, displacement, radius, gap = (given.get(name, x) for name, x in zip(names, found.numbers, strict=True))
-    error = dict(zip(names, found.error, strict=True)) | dict.fromkeys(given, 0.0)
+    pairs = zip(OBSERVABLES, found.numbers, strict=True)
+    load, displacement, radius, gap = (given.get(name, value) for name, value in pairs)
+    error = dict(zip(OBSERVABLES, found.error, strict=True)) | dict.fromkeys(given, 0.0)
     energy, uncertain = energy_at(found)
     error["energy"] = uncertain + abs(found.numbers[0]) * found.error[1] + problem.energy_left_out(state, p)
     size = float(np.abs(state).max(initial=0.0))
@@ -237,7 +235,7 @@ def energy_at(found: Found) -> tuple[float, float]:
     point = found.point
     problem = equilibrium(point)
     here = values_of(point)
-    rounding = ENERGY_ROUNDINGS * problem.rounding * max(1.0, abs(here.energy))
+    rounding = SAFETY * problem.rounding * max(1.0, abs(here.energy))
     finer = problem.compared()
     if finer is problem:
         return here.energy, rounding
@@ -253,5 +251,6 @@ def energy_at(found: Found) -> tuple[float, float]:
 
 def seen(point: Point) -> State:
     """A point of the curve as a state without profile and indices, as a path shows it."""
-    load, displacement, radius, gap, energy = values_of(point)
+    own = point.observables or values_of(point)._asdict()
+    load, displacement, radius, gap, energy = (own[name] for name in Values._fields)
     return State(load, displacement, radius, max(gap, 0.0), energy, 0, 0, 0.0)
