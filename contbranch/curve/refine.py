@@ -41,6 +41,8 @@ ENOUGH = 1e-4
 UPRIGHT_COSINE = 0.3
 # Secant steps towards an event, and the longest of them, in units of the line.
 ITERATIONS, LONGEST = 14, 0.2
+# A secant over less than the first step lowers the value at least by this factor, unless what is left is rounding.
+LEAST_DECREASE = 0.5
 # First secant step, in units of the line; where the curve is not found a longer one is shortened by the second factor.
 FIRST_STEP, RETREAT = 1e-5, 0.2
 
@@ -206,8 +208,8 @@ def _located(place: _Place, event: Event | None, accuracy: float, problem: Equil
     if isinstance(event, Reached):
         steepness = event.rate(line.rates(point))
     step = -left / steepness if steepness else FIRST_STEP * line.unit
-    best = left, point
-    for _ in range(ITERATIONS):
+    best, noise = (left, point), event.noise
+    for k in range(ITERATIONS):
         step = math.copysign(min(abs(step), LONGEST * line.unit), step)
         if not abs(step) > least:
             break
@@ -219,11 +221,14 @@ def _located(place: _Place, event: Event | None, accuracy: float, problem: Equil
                 continue
             raise
         before, left = left, event.value(point)
+        if k > 0 and abs(step) < FIRST_STEP * line.unit and abs(left) > LEAST_DECREASE * abs(best[0]):
+            noise = max(noise, abs(left))  # what is left of the value is rounding
+            break
         best = min(best, (left, point), key=lambda one: abs(one[0]))
         s, steepness = s + step, (left - before) / step
         step = -left / steepness if steepness else 0.0
     left, point = best
-    uncertainty = min((abs(left) + event.noise) / abs(steepness), 1e-3 * line.unit) if steepness else 0.0
+    uncertainty = min((abs(left) + noise) / abs(steepness), 1e-3 * line.unit) if steepness else 0.0
     speed = line.speed(point)
     return _Place(point, steepness / speed, uncertainty * abs(speed))
 
