@@ -12,7 +12,7 @@ from contbranch.continuation.newton import CorrectionError, border, linearise, r
 from contbranch.continuation.problem import Array, Direction, Problem, size_of
 
 FOLD_CORRECTIONS = 40
-_FOURTH_ROOT_OF_ROUNDING = ROUNDING**0.25
+SECOND_DIFFERENCE_STEP = ROUNDING**0.25
 
 
 def second_derivative(problem: Problem, x: Array, p: float, along: Direction, metric: Metric, here: Array) -> Array:
@@ -21,7 +21,7 @@ def second_derivative(problem: Problem, x: Array, p: float, along: Direction, me
     own = problem.second_derivative(x, p, u, a)
     if own is not None:
         return own
-    step = _FOURTH_ROOT_OF_ROUNDING / metric.norm(problem, u, a)
+    step = SECOND_DIFFERENCE_STEP / metric.norm(problem, u, a)
     above = residual(problem, x + step * u, p + step * a)
     below = residual(problem, x - step * u, p - step * a)
     difference: Array = (above - 2 * here + below) / step**2
