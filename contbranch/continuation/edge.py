@@ -14,12 +14,14 @@ from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import corrected_point, point_on, to_point
+from contbranch.continuation.walk import point_on, to_point
 
 # Factor by which a state grows, while the parameter is at rest, that runs to infinity; and, where values overflow or
 # Newton's method fails, the factor from which on that is the reason.
 ESCAPE_GROWTH, OVERFLOW_GROWTH = 1e2, 2.0
 OVERFLOWS = (Outcome.NOT_FINITE, Outcome.STEP_TOO_SMALL, Outcome.EVALUATION_FAILED, Outcome.MAXIMUM_POINTS)
+# Distance from the start, as a share of the step, at which a closed curve comes back to it.
+CLOSED = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,29 +138,22 @@ def land(segment: Segment, edge: float, options: Options, beyond: float = 1.0) -
 
 
 def closes(segment: Segment, start: Point, options: Options) -> Point | None:
-    """Return the start, as the segment's new end, if the curve passes through it inside the segment."""
-    problem = segment.begin.problem
+    """Return the start, as the segment's new end, if the curve passes through it inside the segment.
+
+    The curve's own point in the plane through the start must be the start itself, not one of a neighbouring sheet.
+    """
+    problem, metric = segment.begin.problem, segment.metric
     if start.x.shape != segment.begin.x.shape:
         return None
-    metric = segment.metric
-    away = metric.norm(problem, start.x - segment.begin.x, start.parameter - segment.begin.parameter)
-    if away > 1.5 * segment.length:
-        return None
     theta = segment.position(start.x, start.parameter)
+    if not -0.5 < theta < 1.5:
+        return None
+    theta = segment.foot(start.x, start.parameter, theta)
     if not 0.0 < theta <= 1.0 + 1e-9:
         return None
-    x, p = segment.at(theta)
-    if metric.norm(problem, start.x - x, start.parameter - p) > 0.2 * segment.length:
-        return None
-    # The curve's own point in the plane through the start must be the start itself, not a neighbouring sheet.
-    row = metric.unit(problem, start.tangent_x, start.tangent_parameter)
-    if metric.dot(problem, *metric.unit(problem, *segment.direction(theta)), *row) <= 0.5:
-        return None
-    offset = metric.dot(problem, start.x - x, start.parameter - p, *row)
-    x, p = x + offset * row[0], p + offset * row[1]
     try:
-        point, _ = corrected_point(problem, (x, p), row, metric, options)
+        point, _ = point_on(segment, theta, options)
     except CorrectionError:
         return None
     apart = metric.norm(problem, point.x - start.x, point.parameter - start.parameter)
-    return start if apart <= 1e-5 * segment.length else None
+    return start if apart <= CLOSED * segment.length else None
