@@ -10,6 +10,7 @@ import numpy as np
 
 from contbranch.continuation.bordered import Bordered, SingularBorderedError, bordered_matrix, factorise
 from contbranch.continuation.curve import BranchPoint, Outcome, Point
+from contbranch.continuation.events import UNSIGNED
 from contbranch.continuation.folds import SECOND_DIFFERENCE_STEP, second_derivative
 from contbranch.continuation.metric import ROUNDING, Metric
 from contbranch.continuation.newton import (
@@ -31,10 +32,10 @@ from contbranch.continuation.walk import corrected_point, point_on
 # μ at a branch point over its change along the step. A true branch point has rounding there; where it is larger, the
 # curves pass each other at a distance.
 SADDLE_HEIGHT = 1e-9
-# Vectors in a block of the Krylov space, which is the largest multiplicity found, and the dimension of the space.
-BLOCK, KRYLOV_DIMENSION = 6, 18
-# Shares of the step on either side of a foretold place between which it is foretold again.
-CLOSER = (0.1, 0.01)
+# Vectors in a block of a Krylov space: the largest multiplicity that is found.
+BLOCK = 6
+# Share of the step on either side of a foretold place between which it is foretold again, and then by its square.
+CLOSER = 0.1
 # Places within a step, as shares of it, that agree to so many decimals are one.
 SAME_PLACE = 6
 # Size of a correction, in the metric, from which on those that do not contract are rounding.
@@ -44,8 +45,6 @@ ROUGHLY = 1e-7
 SEARCH_RADIUS, SEARCHES, MOST_SEARCHED = 1e-3, 15, 3
 # Distance from the curve, as a share of the step's length, at which the middle of its cubic shows a leap.
 LEAP_DISTANCE = 0.002
-# Errors of second derivatives below which a pitchfork is told.
-CURVATURE_ERRORS = 100.0
 
 Kind = Literal["pitchfork", "transcritical", "branch point"]
 
@@ -155,7 +154,7 @@ def _singular(
     longest = metric.state_scale * sizes[0] / sizes[1] if min(sizes) > 0.0 else math.inf
     units = np.append(np.full(size - 1, metric.state_scale), min(metric.parameter_scale, longest))[:, None]
     vectors, images = _arbitrary(size, min(BLOCK, size)), np.empty((size, 0))
-    while images.shape[1] < min(KRYLOV_DIMENSION, size):
+    while images.shape[1] < min(3 * BLOCK, size):
         basis = np.linalg.qr(vectors)[0]
         fresh = basis[:, images.shape[1] :]
         solved = [np.append(*solve(ahead, load[:-1], float(load[-1]), at[1])) for load in (matrix @ (units * fresh)).T]
@@ -174,7 +173,7 @@ def _singular(
 def _closer(segment: Segment, place: float, row: Direction) -> _Near | None:
     """Return a foretold place as foretold from matrices close to it; None if these foretell none."""
     problem, metric = segment.begin.problem, segment.metric
-    for aside in CLOSER:
+    for aside in (CLOSER, CLOSER**2):
         ahead = _bordered(problem, segment.at(place + aside), row)
         inside, null_vectors = _singular(problem, segment.at(place - aside), ahead, row, metric)
         if not inside:
@@ -229,7 +228,7 @@ def _located(segment: Segment, near: _Near, row: Direction, options: Options) ->
     x, p = _pair(y)
     theta = segment.position(x, p)
     # Where several branch points lie close to each other the slopes do not vanish in one place.
-    curvature = float(np.abs(rates).max())
+    curvature = float(np.abs(rates).max()) or math.nan
     height, spread = float(np.abs(reduced.mu).max()) / curvature, float(np.abs(slopes + rates @ step).max()) / curvature
     highest = max(SADDLE_HEIGHT * segment.length**2, 1e3 * ROUNDING)
     if not (size < ROUGHLY and -0.05 <= theta <= 1.05 and height <= highest and spread <= math.sqrt(highest)):
@@ -333,7 +332,7 @@ def _type(segment: Segment, reduced: _Reduced, y: Array) -> Kind:
     rows = residual_terms(begin, np.full(x.size, metric.state_scale), metric.parameter_scale)
     rows[rows == 0.0] = 1.0
     error += jacobian_rounding(problem) * float(np.linalg.norm(psi * rows) * np.linalg.norm(d / rows))
-    return "pitchfork" if abs(float(psi @ d)) <= CURVATURE_ERRORS * error else "transcritical"
+    return "pitchfork" if abs(float(psi @ d)) <= UNSIGNED * error else "transcritical"
 
 
 def _search(here: Point, reduced: _Reduced, metric: Metric, options: Options) -> tuple[Direction, ...]:

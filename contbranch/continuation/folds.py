@@ -8,10 +8,10 @@ import numpy as np
 
 from contbranch.continuation.curve import Fold, Outcome, Point
 from contbranch.continuation.metric import ROUNDING, Metric
-from contbranch.continuation.newton import CorrectionError, border, linearise, residual, solve
+from contbranch.continuation.newton import START_CORRECTIONS, CorrectionError, border, linearise, residual, solve
 from contbranch.continuation.problem import Array, Direction, Problem, size_of
 
-FOLD_CORRECTIONS = 40
+# Step, in the metric, of second differences.
 SECOND_DIFFERENCE_STEP = ROUNDING**0.25
 
 
@@ -67,7 +67,7 @@ def locate_fold(
     # Steps below this are rounding: the position along the curve is known to about the root of it only through the
     # second derivative, but to `best` through the null vector.
     floor = 1e2 * ROUNDING * (1 + size_of(problem, x) / metric.state_scale)
-    for _ in range(FOLD_CORRECTIONS):
+    for _ in range(START_CORRECTIONS):
         at = linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
         back_x, back_p = solve(bordered, -at[0], 0.0, p)

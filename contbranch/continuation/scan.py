@@ -12,23 +12,20 @@ from scipy.optimize import bisect
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.branching import branch_points
 from contbranch.continuation.curve import BranchPoint, Fold, IndexChange, Located
-from contbranch.continuation.events import Event, Happening
+from contbranch.continuation.events import UNSIGNED, Event, Happening
 from contbranch.continuation.folds import locate_fold
 from contbranch.continuation.newton import CorrectionError, evaluating, jacobian_rounding
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
-from contbranch.continuation.zeros import Bracket, Functions, Search
+from contbranch.continuation.zeros import ASIDE, Bracket, Functions, Search
 
-# Slope of the parameter (in the metric) that is none, in units of the Jacobian's rounding.
-SLOPE_ROUNDINGS = 10.0
 # A fold closer to a branch point than this share of the step is the branch point itself, where the curve has no more
 # than this slope (in the metric) at the branch point.
 LEVEL_DISTANCE, LEVEL_SLOPE = 1e-2, 1e-6
-# Share of a part of the step to which a change of the Morse index is located, and share by which an index is taken
-# beside an event: right there it is undecided.
-INDEX_RESOLUTION, ASIDE = 1e-12, 1e-3
+# Share of a part of the step to which a change of the Morse index is located.
+INDEX_RESOLUTION = 1e-12
 
 
 def scan(
@@ -78,7 +75,7 @@ def _folds(segment: Segment, previous: Segment | None, options: Options) -> list
     )
     search = Search(segment, functions, [] if previous is None else [previous.begin])
     found = [fold for bracket in search.brackets() if (fold := _fold(bracket, functions)) is not None]
-    noise = SLOPE_ROUNDINGS * jacobian_rounding(segment.begin.problem) * segment.metric.parameter_scale
+    noise = UNSIGNED * jacobian_rounding(segment.begin.problem) * segment.metric.parameter_scale
 
     def level(*places: float) -> bool:
         """Whether the parameter has no slope but for rounding."""
@@ -131,7 +128,7 @@ def _with_index_changes(segment: Segment, found: list[Happening], options: Optio
     """Return what was found, in order, with the changes of the Morse index that it does not explain.
 
     A fold or a branch point explains what changes at its own place: so the index is compared right behind one and right
-    before the next, on the cubic between them, which is close enough to the curve there.
+    before the next. At the place itself it is undecided.
     """
     begin, end = segment.begin, segment.end
     marks = [h for h in found if isinstance(h.event, (Fold, BranchPoint))]
