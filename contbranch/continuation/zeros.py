@@ -34,7 +34,7 @@ RESOLVED_SHARE = 0.01
 # A dip below this share of the smaller value of both ends is looked at on the curve in any case.
 DIP_SHARE = 0.5
 # Samples inside a part: of known quantities the slope costs next to nothing, of a function every value is computed.
-SLOPE_SAMPLES, VALUE_SAMPLES = 79, 3
+SLOPE_SAMPLES, VALUE_SAMPLES = 79, 5
 # Points on the curve that the search of one step may cost.
 MOST_POINTS = 60
 # Points besides its ends that tell what happens in a part.
@@ -181,15 +181,13 @@ class Search:
         while parts:
             part = parts.pop()
             share, zeros = self._judged(part)
-            if share is not None and self._divisible(part):
+            divisible = part.share > self.functions.shortest and len(self.functions.known) < MOST_POINTS
+            if share is not None and divisible:
                 parts += self._divided(part, share)
                 self.seen.append(parts[-1].last)
                 continue
             found += [self._bracket(part, *one) for one in (zeros if share is None else self._crossed(part))]
         return found
-
-    def _divisible(self, part: _Part) -> bool:
-        return part.share > self.functions.shortest and len(self.functions.known) < MOST_POINTS
 
     @property
     def points(self) -> list[Point]:
@@ -270,31 +268,18 @@ class Search:
         return found[-1], self._differ(found if besides else found[-1:])
 
     def _evaluated(self, part: _Part, nodes: Sequence[_Seen], stretches: Array, at: Array) -> tuple[Array, Array]:
-        """Return functions without primitives at predicted states, or on the curve where these do not serve."""
-        pairs = list(zip(nodes, stretches, strict=True))
-        curve = Hermite(
-            [one.place for one in nodes],
-            [np.append(one.point.x, one.point.parameter) for one in nodes],
-            [np.append(one.point.tangent_x, one.point.tangent_parameter) * stretch for one, stretch in pairs],
-        )
+        """Return functions without primitives at predicted states: those of the polynomials through the points."""
+        points = [one.point for one in nodes]
+        states = [np.append(point.x, point.parameter) for point in points]
+        tangents = [np.append(point.tangent_x, point.tangent_parameter) for point in points]
+        curve = Hermite([one.place for one in nodes], states, list(stretches[:, None] * np.array(tangents)))
         segment = Segment(part.first.point, part.last.point, self.segment.metric)
         rows = [[self.functions.values(_predicted(segment, *one)) for one in curve.at(z)[1:][-2:]] for z in at]
         found = [values.T for values in np.array(rows).transpose(1, 0, 2)]
-        doubt = self._differ(found)
-        if np.all(doubt.max(axis=1) <= RESOLVED_SHARE * np.abs(found[-1]).max(axis=1)):
-            return found[-1], doubt
-        options = self.functions.options
-        thetas = (at - part.first.place) / (part.last.place - part.first.place)
-        found = [self.functions.at(point_on(segment, theta, options, precise=False)[0]) for theta in thetas]
-        begin, (a, b, c), end = self.functions.at(segment.begin), found, self.functions.at(segment.end)
-        # Only what the points leave open between them is uncertain.
-        others = (3 * begin + 6 * b - end) / 8, (4 * (a + c) - begin - end) / 6, (6 * b - begin + 3 * end) / 8
-        return np.transpose(found), np.abs(np.transpose(found) - np.transpose(others))
+        return found[-1], self._differ(found)
 
     def _differ(self, found: Sequence[Array]) -> Array:
-        if len(found) > 1:
-            return np.asarray(np.abs(found[-1] - found[0]))
-        return RESOLVED_SHARE * np.abs(found[-1])
+        return np.asarray(np.abs(found[-1] - found[0]) if len(found) > 1 else RESOLVED_SHARE * np.abs(found[-1]))
 
     def _divided(self, part: _Part, share: float) -> list[_Part]:
         """Return both parts of a part, the first one last; the point between them is no zero."""
@@ -324,9 +309,8 @@ class Search:
         places[2] = places[0] + share * (places[1] - places[0])
         begin, end, wanted = np.copysign(np.abs(places) ** self.power, places)
         goal = (wanted - begin) / (end - begin)
-        leave, arrive = (end - begin) / np.array(
-            [part.first.rate * segment.scale_begin, part.last.rate * segment.scale_end]
-        )
+        rates = np.array([part.first.rate * segment.scale_begin, part.last.rate * segment.scale_end])
+        leave, arrive = (end - begin) / np.maximum(rates, STEEPEST * (end - begin))
         theta = goal * (goal * (3 - 2 * goal) + (1 - goal) * ((1 - goal) * leave - goal * arrive))
         return float(theta if 0.0 < theta < 1.0 else goal)
 
