@@ -125,14 +125,11 @@ def _leaps(segment: Segment, ahead: Bordered) -> bool:
     if metric.norm(problem, *off) <= near:
         return False
     # What rounding of F makes of a point where the matrix is soft is no distance from the curve.
-    rounding = ROUNDING * residual_terms(linearise(problem, x, p), x, p) * _arbitrary(x.size, 1)[:, 0]
+    noise = np.random.default_rng(0).standard_normal(x.size)
+    rounding = ROUNDING * residual_terms(linearise(problem, x, p), x, p) * noise
     soft = solve(ahead, rounding, 0.0, p)
     share = metric.dot(problem, *off, *soft) / metric.dot(problem, *soft, *soft)
     return metric.norm(problem, off[0] - share * soft[0], off[1] - share * soft[1]) > near
-
-
-def _arbitrary(n: int, count: int) -> Array:
-    return np.random.default_rng(0).standard_normal((n, count))
 
 
 def _bordered(problem: Problem, at: Direction, row: Direction) -> Bordered:
@@ -153,7 +150,7 @@ def _singular(
     sizes = [float(abs(part).max()) for part in (matrix[:-1, :-1], slope)]
     longest = metric.state_scale * sizes[0] / sizes[1] if min(sizes) > 0.0 else math.inf
     units = np.append(np.full(size - 1, metric.state_scale), min(metric.parameter_scale, longest))[:, None]
-    vectors, images = _arbitrary(size, min(BLOCK, size)), np.empty((size, 0))
+    vectors, images = np.random.default_rng(0).standard_normal((size, min(BLOCK, size))), np.empty((size, 0))
     while images.shape[1] < min(3 * BLOCK, size):
         basis = np.linalg.qr(vectors)[0]
         fresh = basis[:, images.shape[1] :]
@@ -256,13 +253,11 @@ def _reduced(problem: Problem, y: Array, metric: Metric, row: Direction, near: _
     at, nothing = linearise(problem, x, p), np.zeros(m + 1)
     matrix = bordered_matrix(at[1], at[2], *row)
     # μ belongs to F alone: the row t stays exact, so that α is a coordinate.
-    borders = [
-        (np.append(left, np.zeros(1 + k)), np.append(near.right[k], np.zeros(k))) for k, left in enumerate(near.left)
-    ]
-    for column, below in borders[:-1]:
-        matrix = bordered_matrix(matrix, column, below, 0.0)
+    left, right = (np.pad(vectors, ((0, 0), (0, m + 1))) for vectors in (near.left, near.right))
+    for k in range(m - 1):
+        matrix = bordered_matrix(matrix, left[k, : y.size + k], right[k, : y.size + k], 0.0)
     try:
-        bordered = factorise(matrix, *borders[-1], 0.0)
+        bordered = factorise(matrix, left[-1, : y.size + m - 1], right[-1, : y.size + m - 1], 0.0)
     except SingularBorderedError as error:
         raise CorrectionError(Outcome.STEP_TOO_SMALL, f"({error})") from error
 

@@ -21,8 +21,8 @@ from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated, point_on
 from contbranch.continuation.zeros import ASIDE, Bracket, Functions, Search
 
-# A fold closer to a branch point than this share of the step is the branch point itself, where the curve has no more
-# than this slope (in the metric) at the branch point.
+# A fold closer to a branch point than this share of the step is the branch point itself, where the parameter has no
+# more than this slope (in the metric) at the branch point. Ends of a step with less slope are computed precisely.
 LEVEL_DISTANCE, LEVEL_SLOPE = 1e-2, 1e-6
 # Share of a part of the step to which a change of the Morse index is located.
 INDEX_RESOLUTION = 1e-12
@@ -70,18 +70,22 @@ def scan(
 
 def _folds(segment: Segment, previous: Segment | None, options: Options) -> list[Happening]:
     """Return the folds inside a step."""
-    functions = Functions(
-        lambda point: np.array([point.tangent_parameter]), options, lambda point: np.array([point.parameter])
-    )
-    search = Search(segment, functions, [] if previous is None else [previous.begin])
-    found = [fold for bracket in search.brackets() if (fold := _fold(bracket, functions)) is not None]
-    noise = UNSIGNED * jacobian_rounding(segment.begin.problem) * segment.metric.parameter_scale
+    scale = segment.metric.parameter_scale
+    noise = UNSIGNED * jacobian_rounding(segment.begin.problem) * scale
 
     def level(*places: float) -> bool:
         """Whether the parameter has no slope but for rounding."""
         return all(abs(point_on(segment, theta, options)[0].tangent_parameter) <= noise for theta in places)
 
-    if found and (level(0.0, 1.0) or (len(found) == 2 and level((found[0].theta + found[1].theta) / 2))):
+    steepest = max(abs(segment.begin.tangent_parameter), abs(segment.end.tangent_parameter))
+    if steepest < LEVEL_SLOPE * scale and level(0.0, 1.0):
+        return []  # the parameter is constant along this part of the curve
+    functions = Functions(
+        lambda point: np.array([point.tangent_parameter]), options, lambda point: np.array([point.parameter])
+    )
+    search = Search(segment, functions, [] if previous is None else [previous.begin])
+    found = [fold for bracket in search.brackets() if (fold := _fold(bracket, functions)) is not None]
+    if len(found) == 2 and level((found[0].theta + found[1].theta) / 2):
         return []
     return [replace(one, event=replace(one.event, point=annotated(one.event.point))) for one in found]
 

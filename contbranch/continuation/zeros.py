@@ -91,7 +91,7 @@ class Functions:
     power : float
         m where the primitives are smooth in p^(1/m) on a curve that the parameter orders.
     shortest : float
-        Share of a step below which the primitives' own errors hide what happens: it is not divided any further.
+        Share of a step below which errors hide what happens: it is not divided any further.
     known : dict
         Values at points already seen.
     """
@@ -100,7 +100,7 @@ class Functions:
     options: Options
     primitives: Callable[[Point], Array] | None = None
     power: float = 1.0
-    shortest: float = 0.0
+    shortest: float = SAME_POINT
     known: dict[Point, Array] = field(default_factory=dict)
 
     def at(self, point: Point) -> Array:
