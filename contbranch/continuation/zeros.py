@@ -34,7 +34,7 @@ RESOLVED_SHARE = 0.01
 # A dip below this share of the smaller value of both ends is looked at on the curve in any case.
 DIP_SHARE = 0.5
 # Samples inside a part: of known quantities the slope costs next to nothing, of a function every value is computed.
-SLOPE_SAMPLES, VALUE_SAMPLES = 79, 5
+SLOPE_SAMPLES, VALUE_SAMPLES = 79, 4
 # Points on the curve that the search of one step may cost.
 MOST_POINTS = 60
 # Points besides its ends that tell what happens in a part.
