@@ -13,13 +13,14 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from contbranch.continuation.bordered import SingularBorderedError, factorise
+from contbranch.continuation.newton import START_CORRECTIONS
 from contbranch.continuation.problem import Array, Problem, size_of
 from contbranch.watch import check
 
 # Longest step, relative to the size of the state or the distance of the known solutions.
 LONGEST_STEP = 0.5
-# Most corrections, and their size at which a solution is found.
-DEFLATED_CORRECTIONS, SOLVED = 30, 1e-9
+# Size of a correction at which a solution is found.
+SOLVED = 1e-9
 
 
 def deflated_newton(
@@ -49,9 +50,8 @@ def deflated_newton(
     UnsolvedError
         If GMRES does not converge for a Jacobian without matrix.
     """
-    x = np.array(start, dtype=float)
-    border = np.zeros_like(x)
-    for _ in range(DEFLATED_CORRECTIONS):
+    x, border = np.array(start, dtype=float), np.zeros(np.size(start))
+    for _ in range(START_CORRECTIONS):
         check()
         at = problem.linearise(x, p)
         if not np.isfinite(at.residual).all():
@@ -61,29 +61,23 @@ def deflated_newton(
             step, _ = bordered.solve(-at.residual, 0.0)
         except SingularBorderedError:
             return None
-        length = size_of(problem, step)
+        length, nearest = size_of(problem, step), min((size_of(problem, x - one) for one in known), default=math.inf)
         if not math.isfinite(length):
             return None
-        nearest = min((size_of(problem, x - other) for other in known), default=math.inf)
         if length < SOLVED:
             return x + step if nearest > 1e3 * SOLVED else None
         factor = _factor(problem, x, step, known)
-        own = 1.0 + size_of(problem, x)
-        longest = LONGEST_STEP * max(min(nearest, own), 0.1)
-        damping = min(1.0, longest / (abs(factor) * length)) if factor else 1.0
-        x = x + damping * factor * step
+        longest = LONGEST_STEP * max(min(nearest, 1.0 + size_of(problem, x)), 0.1)
+        x = x + factor * min(1.0, longest / (abs(factor) * length)) * step
     return None
 
 
 def _factor(problem: Problem, x: Array, step: Array, known: Sequence[Array]) -> float:
     """Length of the deflated step in units of the plain one: 1/(1 − d ln M), d along the plain step."""
-    change = 0.0
-    for other in known:
-        apart = x - other
+    rest = 1.0
+    for apart in (x - other for other in known):
         square = max(problem.inner(apart, apart), 1e-300)
-        along = problem.inner(apart, step)
-        change += -2.0 * along / (square * (1.0 + square))
-    rest = 1.0 - change
+        rest += 2.0 * problem.inner(apart, step) / (square * (1.0 + square))
     return 1.0 / rest if rest else 1.0
 
 
@@ -110,9 +104,6 @@ def search(
     """
     found: list[Array] = []
     for start in starts:
-        while True:
-            solution = deflated_newton(problem, p, [*known, *found], start)
-            if solution is None:
-                break
+        while (solution := deflated_newton(problem, p, [*known, *found], start)) is not None:
             found.append(solution)
     return found

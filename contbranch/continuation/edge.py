@@ -14,12 +14,14 @@ from contbranch.continuation.newton import CorrectionError, correct
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment
-from contbranch.continuation.walk import corrected_point, point_on, to_point
+from contbranch.continuation.walk import point_on, to_point
 
 # Factor by which a state grows, while the parameter is at rest, that runs to infinity; and, where values overflow or
 # Newton's method fails, the factor from which on that is the reason.
 ESCAPE_GROWTH, OVERFLOW_GROWTH = 1e2, 2.0
 OVERFLOWS = (Outcome.NOT_FINITE, Outcome.STEP_TOO_SMALL, Outcome.EVALUATION_FAILED, Outcome.MAXIMUM_POINTS)
+# Distance from the start, as a share of the step, at which a closed curve comes back to it.
+CLOSED = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,76 +91,58 @@ class Escape:
         return End(Outcome.RUNS_TO_INFINITY, f"(The parameter approaches {value:.9g}.)")
 
 
-def land(segment: Segment, edge: float, options: Options, beyond: float = 1.0) -> Point:
+def land(segment: Segment, edge: float, options: Options) -> Point:
     """Return the first point of a segment whose parameter is the edge, exactly.
-
-    Parameters
-    ----------
-    beyond : float
-        Position θ within the segment at which the parameter lies beyond the edge.
 
     Raises
     ------
     CorrectionError
         If the curve cannot be corrected there.
     """
-    c0, c1, c2, c3 = segment.parameter_coefficients()
-    begin = segment.begin.parameter - edge
+    problem, metric, begin = segment.begin.problem, segment.metric, segment.begin.parameter - edge
 
-    def distance(theta: float) -> float:
-        return c0 - edge + theta * (c1 + theta * (c2 + theta * c3))
+    def predicted(theta: float) -> float:
+        return segment.at(theta)[1] - edge
 
-    far = distance(beyond)
-    guess = beyond if far == 0.0 or (far > 0) == (begin > 0) else find_root(distance, (0.0, begin), (beyond, far))
+    far = predicted(1.0)
+    guess = 1.0 if far == 0.0 or (far > 0) == (begin > 0) else find_root(predicted, (0.0, begin), (1.0, far))
     x, _ = segment.at(guess)
-    tangent_x, tangent_p = segment.direction(guess)
-    problem = segment.begin.problem
-    size = segment.metric.norm(problem, tangent_x, tangent_p)
-    if abs(tangent_p) / segment.metric.parameter_scale > 1e-3 * size:
-        fixed = (np.zeros_like(x), math.copysign(1.0, tangent_p) / segment.metric.parameter_scale)
-        corrected = correct(problem, (x, edge), fixed, segment.metric, options)
-        point = to_point(problem, corrected, segment.metric)
-        away = segment.metric.norm(problem, point.x - x, 0.0)
-        if away <= 0.2 * segment.length:
+    slope = metric.unit(problem, *segment.direction(guess))[1] / metric.parameter_scale
+    if abs(slope) > 1e-3:
+        fixed = (np.zeros_like(x), math.copysign(1.0, slope) / metric.parameter_scale)
+        point = to_point(problem, correct(problem, (x, edge), fixed, metric, options), metric)
+        if metric.norm(problem, point.x - x, 0.0) <= 0.2 * segment.length:
             return replace(point, parameter=edge, label="edge")
 
     # The curve all but touches the edge: there its parameter determines the state badly, its arclength does not.
     def along(theta: float) -> float:
         return point_on(segment, theta, options)[0].parameter - edge
 
-    last = along(beyond)
+    last = along(1.0)
     if (last > 0) == (begin > 0):
         detail = f"(The edge {edge:.6g} of the parameter range was not found on the curve.)"
         raise CorrectionError(Outcome.STEP_TOO_SMALL, detail)
-    theta = find_root(along, (0.0, begin), (beyond, last))
-    point, bordered = point_on(segment, theta, options)
+    point, bordered = point_on(segment, find_root(along, (0.0, begin), (1.0, last)), options)
     return replace(point, parameter=edge, determinant_sign=bordered.determinant_sign(), label="edge")
 
 
 def closes(segment: Segment, start: Point, options: Options) -> Point | None:
-    """Return the start, as the segment's new end, if the curve passes through it inside the segment."""
-    problem = segment.begin.problem
+    """Return the start, as the segment's new end, if the curve passes through it inside the segment.
+
+    The curve's own point in the plane through the start must be the start itself, not one of a neighbouring sheet.
+    """
+    problem, metric = segment.begin.problem, segment.metric
     if start.x.shape != segment.begin.x.shape:
         return None
-    metric = segment.metric
-    away = metric.norm(problem, start.x - segment.begin.x, start.parameter - segment.begin.parameter)
-    if away > 1.5 * segment.length:
-        return None
     theta = segment.position(start.x, start.parameter)
+    if not -0.5 < theta < 1.5:
+        return None
+    theta = segment.foot(start.x, start.parameter, theta)
     if not 0.0 < theta <= 1.0 + 1e-9:
         return None
-    x, p = segment.at(theta)
-    if metric.norm(problem, start.x - x, start.parameter - p) > 0.2 * segment.length:
-        return None
-    # The curve's own point in the plane through the start must be the start itself, not a neighbouring sheet.
-    row = metric.unit(problem, start.tangent_x, start.tangent_parameter)
-    if metric.dot(problem, *metric.unit(problem, *segment.direction(theta)), *row) <= 0.5:
-        return None
-    offset = metric.dot(problem, start.x - x, start.parameter - p, *row)
-    x, p = x + offset * row[0], p + offset * row[1]
     try:
-        point, _ = corrected_point(problem, (x, p), row, metric, options)
+        point, _ = point_on(segment, theta, options)
     except CorrectionError:
         return None
     apart = metric.norm(problem, point.x - start.x, point.parameter - start.parameter)
-    return start if apart <= 1e-5 * segment.length else None
+    return start if apart <= CLOSED * segment.length else None

@@ -18,6 +18,9 @@ from contbranch.continuation.segment import Segment
 from contbranch.continuation.walk import annotated
 from contbranch.continuation.zeros import Functions, Search
 
+# A value below this multiple of its error has no sign.
+UNSIGNED = 1e2
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Happening:

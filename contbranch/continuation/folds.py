@@ -8,11 +8,11 @@ import numpy as np
 
 from contbranch.continuation.curve import Fold, Outcome, Point
 from contbranch.continuation.metric import ROUNDING, Metric
-from contbranch.continuation.newton import CorrectionError, border, linearise, residual, solve
+from contbranch.continuation.newton import START_CORRECTIONS, CorrectionError, border, linearise, residual, solve
 from contbranch.continuation.problem import Array, Direction, Problem, size_of
 
-FOLD_CORRECTIONS = 40
-_FOURTH_ROOT_OF_ROUNDING = ROUNDING**0.25
+# Step, in the metric, of second differences.
+SECOND_DIFFERENCE_STEP = ROUNDING**0.25
 
 
 def second_derivative(problem: Problem, x: Array, p: float, along: Direction, metric: Metric, here: Array) -> Array:
@@ -21,7 +21,7 @@ def second_derivative(problem: Problem, x: Array, p: float, along: Direction, me
     own = problem.second_derivative(x, p, u, a)
     if own is not None:
         return own
-    step = _FOURTH_ROOT_OF_ROUNDING / metric.norm(problem, u, a)
+    step = SECOND_DIFFERENCE_STEP / metric.norm(problem, u, a)
     above = residual(problem, x + step * u, p + step * a)
     below = residual(problem, x - step * u, p - step * a)
     difference: Array = (above - 2 * here + below) / step**2
@@ -67,7 +67,7 @@ def locate_fold(
     # Steps below this are rounding: the position along the curve is known to about the root of it only through the
     # second derivative, but to `best` through the null vector.
     floor = 1e2 * ROUNDING * (1 + size_of(problem, x) / metric.state_scale)
-    for _ in range(FOLD_CORRECTIONS):
+    for _ in range(START_CORRECTIONS):
         at = linearise(problem, x, p)
         bordered = border(problem, x, p, at, row)
         back_x, back_p = solve(bordered, -at[0], 0.0, p)

@@ -77,7 +77,7 @@ def find_root(
         resolution = (2e-16 + 0.5 * relative) * abs(best) + 0.5 * tolerance
         limit = resolution / width if width > 0 else 1.0
         if limit > 0.5 or fa == 0.0:
-            return best if fa != 0.0 else a
+            break
         xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
         interpolated = phi**2 < xi and (1 - phi) ** 2 < 1 - xi
         if interpolated:

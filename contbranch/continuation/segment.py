@@ -57,18 +57,6 @@ class Segment:
             theta += self.metric.dot(problem, x - near_x, p - near_p, *along) / size
         return theta
 
-    def parameter_coefficients(self) -> tuple[float, float, float, float]:
-        """Return (c0, c1, c2, c3) of the cubic's parameter c0 + c1 θ + c2 θ² + c3 θ³."""
-        slope_begin = self.begin.tangent_parameter * self.scale_begin
-        slope_end = self.end.tangent_parameter * self.scale_end
-        rise = self.chord[1]
-        return (
-            self.begin.parameter,
-            slope_begin,
-            3 * rise - 2 * slope_begin - slope_end,
-            slope_begin + slope_end - 2 * rise,
-        )
-
     def position(self, x: Array, p: float) -> float:
         """Return the fraction θ of a point near the segment, by its projection on the chord."""
         a = self.begin

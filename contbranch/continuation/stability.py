@@ -12,19 +12,16 @@ import scipy
 from contbranch.arrays import AnyArray
 from contbranch.continuation.bordered import DENSE_UP_TO, as_matrix
 from contbranch.continuation.curve import Curve, HopfPoint, Located, Point, stacked
-from contbranch.continuation.events import Event, Happening
+from contbranch.continuation.events import UNSIGNED, Event, Happening
 from contbranch.continuation.metric import ROUNDING
-from contbranch.continuation.newton import CorrectionError, evaluating
+from contbranch.continuation.newton import CorrectionError, evaluating, jacobian_rounding
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Problem, size_of
+from contbranch.continuation.problem import size_of
 from contbranch.continuation.segment import Segment, segment_between
+from contbranch.continuation.zeros import ASIDE
 
 # Rows up to which all eigenvalues of a sparse matrix are computed where no few can be told to hold the unstable ones.
 DENSE_AT_MOST = 2000
-# A real part below this multiple of the error of the eigenvalues has no sign.
-UNSIGNED = 1e2
-# Share of a step on either side of a Hopf point by which the slope is measured there.
-SLOPE_HALF_WIDTH = 1e-3
 
 
 class Spectrum:
@@ -123,9 +120,9 @@ class HopfEvent(Event):
 
     def located(self, segment: Segment, theta: float, at: Point, pair: complex, rounding: float) -> HopfPoint:
         """Return the Hopf point at a place of a step, with errors by the slope of the real part there."""
-        beside = (segment.at(theta + side) for side in (-SLOPE_HALF_WIDTH, SLOPE_HALF_WIDTH))
+        beside = (segment.at(theta + side) for side in (-ASIDE, ASIDE))
         below, above = (self.value(replace(at, x=x, parameter=p)) for x, p in beside)
-        slope = max(abs(above - below) / (2 * SLOPE_HALF_WIDTH), float(np.finfo(float).tiny))
+        slope = max(abs(above - below) / (2 * ASIDE), float(np.finfo(float).tiny))
         share = (abs(self.value(at)) + rounding) / slope
         u, a = segment.direction(theta)
         error = 4 * (share * abs(a) + ROUNDING * abs(at.parameter))
@@ -182,5 +179,4 @@ def _unstable(point: Point, values: AnyArray) -> int:
 
 def _rounding(point: Point, values: AnyArray) -> float:
     """Return the error of eigenvalues: rounding of the largest, or what central differences leave of its digits."""
-    differences = type(point.problem).jacobian is Problem.jacobian
-    return (ROUNDING ** (2 / 3) if differences else ROUNDING) * float(np.abs(values).max())
+    return jacobian_rounding(point.problem) * float(np.abs(values).max())

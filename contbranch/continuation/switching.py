@@ -18,8 +18,8 @@ from contbranch.continuation.trace import interval_around, joined
 from contbranch.continuation.walk import annotated, corrected_point
 from contbranch.errors import InputError
 
-# Lengths of the step off the branch point, as shares of the scales in use there.
-FIRST_STEPS = (1e-4, 1e-3, 1e-2)
+# Shortest step off the branch point, in the metric; up to a hundred times as long ones are tried.
+FIRST_STEP = 1e-4
 # The point reached must be this much closer to the crossing curve's tangent than the curve given is.
 CLOSER_RATIO = 0.3
 
@@ -106,22 +106,20 @@ def _crossing(branch_point: BranchPoint, k: int, interval: Range, course: Course
         return None
     u, a = metric.unit(problem, u, a)
     centre = replace(branch_point.point, tangent_x=u, tangent_parameter=a, determinant_sign=None)
-    found = joined(centre, *halves)
-    at = len(halves[1].points)
     others = [tangent for i, tangent in enumerate(branch_point.tangents) if i != k]
-    crossing = replace(branch_point, point=centre, tangents=((u, a), *others), before=None, after=None, index=at)
-    before = tuple(event for event in found.events if event.index < at)
-    return replace(found, events=(*before, crossing, *found.events[len(before) :]))
+    crossing = replace(branch_point, point=centre, tangents=((u, a), *others), before=None, after=None)
+    forward, backward = halves
+    # The branch point itself comes right before the points of the forward half.
+    return joined(centre, replace(forward, events=[(crossing, -1), *forward.events]), backward)
 
 
 def _beside(branch_point: BranchPoint, along: Direction, metric: Metric, options: Options) -> Point | None:
     """Return a point of the crossing curve a short step off the branch point, its tangent away from it."""
-    here = branch_point.point
-    problem = here.problem
+    here, problem = branch_point.point, branch_point.point.problem
     u, a = metric.unit(problem, *along)
     cosine = metric.dot(problem, u, a, *metric.unit(problem, here.tangent_x, here.tangent_parameter))
     allowed = CLOSER_RATIO * math.sqrt(max(1 - cosine**2, 0.0))
-    for step in FIRST_STEPS:
+    for step in (FIRST_STEP, 10 * FIRST_STEP, 100 * FIRST_STEP):
         x, p = here.x + step * u, here.parameter + step * a
         try:
             point, bordered = corrected_point(problem, (x, p), (u, a), metric, options)

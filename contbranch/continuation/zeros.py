@@ -34,15 +34,16 @@ RESOLVED_SHARE = 0.01
 # A dip below this share of the smaller value of both ends is looked at on the curve in any case.
 DIP_SHARE = 0.5
 # Samples inside a part: of known quantities the slope costs next to nothing, of a function every value is computed.
-SLOPE_SAMPLES, VALUE_SAMPLES = 39, 3
-# Points on the curve that the search of one step may cost, how often a part is divided, and the share cut off at least.
-MOST_POINTS, MOST_DIVISIONS, SHORTEST_SHARE = 60, 12, 1e-4
-# Points besides its ends that tell what happens in a part, and how far off they are at least, as a share of its length.
-NEIGHBOURS, NEIGHBOUR_DISTANCE = 2, 0.1
-# Places closer than this share of a part are one point on two discretisations.
+SLOPE_SAMPLES, VALUE_SAMPLES = 79, 4
+# Points on the curve that the search of one step may cost.
+MOST_POINTS = 60
+# Points besides its ends that tell what happens in a part.
+NEIGHBOURS = 2
+# Places closer than this share of a part are one point on two discretisations. A step that begins on a zero is taken to
+# begin as far beyond it.
 SAME_POINT = 1e-6
-# Where a step that begins on a zero is taken to begin, and how far from a zero a step is divided.
-BEYOND, ASIDE = 1e-6, 1e-3
+# Share of a step or a part by which it is divided aside from a zero or an end, or looked at beside an event.
+ASIDE = 1e-3
 
 
 class Bracket(NamedTuple):
@@ -90,7 +91,7 @@ class Functions:
     power : float
         m where the primitives are smooth in p^(1/m) on a curve that the parameter orders.
     shortest : float
-        Share of a step below which the primitives' own errors hide what happens: it is not divided any further.
+        Share of a step below which errors hide what happens: it is not divided any further.
     known : dict
         Values at points already seen.
     """
@@ -99,7 +100,7 @@ class Functions:
     options: Options
     primitives: Callable[[Point], Array] | None = None
     power: float = 1.0
-    shortest: float = 0.0
+    shortest: float = SAME_POINT
     known: dict[Point, Array] = field(default_factory=dict)
 
     def at(self, point: Point) -> Array:
@@ -133,13 +134,12 @@ class _Seen(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A part of the step, where in the step it begins, its share of it, and how often it was divided."""
+    """A part of the step, where in the step it begins, and its share of it."""
 
     first: _Seen
     last: _Seen
     offset: float = 0.0
     share: float = 1.0
-    divisions: int = 0
 
 
 class Search:
@@ -167,7 +167,7 @@ class Search:
         self.ends, self.seen = ends, [*earlier, *ends]
         value = functions.at(begin)
         if not value.all():  # a zero at the begin belongs to the step before
-            beyond = functions.values(point_on(segment, BEYOND, functions.options)[0])
+            beyond = functions.values(point_on(segment, SAME_POINT, functions.options)[0])
             functions.known[begin] = np.where(value == 0.0, beyond, value)
         # A function that vanishes along this part of the curve has no zeros.
         self.rests = functions.known[begin] == 0.0
@@ -181,19 +181,13 @@ class Search:
         while parts:
             part = parts.pop()
             share, zeros = self._judged(part)
-            if share is not None and self._divisible(part):
+            divisible = part.share > self.functions.shortest and len(self.functions.known) < MOST_POINTS
+            if share is not None and divisible:
                 parts += self._divided(part, share)
                 self.seen.append(parts[-1].last)
                 continue
             found += [self._bracket(part, *one) for one in (zeros if share is None else self._crossed(part))]
         return found
-
-    def _divisible(self, part: _Part) -> bool:
-        return (
-            part.divisions < MOST_DIVISIONS
-            and part.share > self.functions.shortest
-            and len(self.functions.known) < MOST_POINTS
-        )
 
     @property
     def points(self) -> list[Point]:
@@ -233,18 +227,11 @@ class Search:
                 return share, zeros
             if values[k, -1] > 0.0:
                 continue
-            i = int(np.argmax(values[k] <= 0.0))  # once more between these two, where there may be two zeros more
-            between = np.linspace(shares[i - 1], shares[i], count + 2)
-            finer, unsure = self._inside(part, between)
-            closer = np.concatenate((values[k, i - 1 : i], signs[k] * finer[k], values[k, i : i + 1]))
-            share = division(closer, unsure[k])
-            if share is not None:
-                return float(between[0] + share * (between[-1] - between[0])), zeros
-            i = int(np.argmax(closer <= 0.0))
-            if not _falls(closer, unsure[k], i):
-                return float(between[i - 1] + between[i]) / 2, zeros
-            ahead = closer[i - 1] / (closer[i - 1] - closer[i])
-            zeros.append((int(k), float(between[i - 1] + ahead * (between[i] - between[i - 1]))))
+            i = int(np.argmax(values[k] <= 0.0))
+            if not _falls(values[k], doubt[k], i):  # there may be two zeros more
+                return float(shares[i - 1] + shares[i]) / 2, zeros
+            ahead = values[k, i - 1] / (values[k, i - 1] - values[k, i])
+            zeros.append((int(k), float(shares[i - 1] + ahead * (shares[i] - shares[i - 1]))))
         return None, zeros
 
     def crossed(self) -> list[Bracket]:
@@ -269,8 +256,7 @@ class Search:
         """
         begin, length = part.first.place, part.last.place - part.first.place
         away = {abs(one.place - begin - length / 2) - length / 2: one for one in self.seen}
-        order = [far for far in sorted(away) if far > SAME_POINT * length]
-        besides = [away[far] for far in [far for far in order if far > NEIGHBOUR_DISTANCE * length] or order[-1:]]
+        besides = [away[far] for far in sorted(away) if far > SAME_POINT * length]
         nodes = [part.first, part.last, *besides[:NEIGHBOURS]]
         places, at = [one.place for one in nodes], begin + shares[1:-1] * length
         stretches = self._stretch(np.array(places)) / np.array([one.rate for one in nodes])
@@ -282,31 +268,18 @@ class Search:
         return found[-1], self._differ(found if besides else found[-1:])
 
     def _evaluated(self, part: _Part, nodes: Sequence[_Seen], stretches: Array, at: Array) -> tuple[Array, Array]:
-        """Return functions without primitives at predicted states, or on the curve where these do not serve."""
-        pairs = list(zip(nodes, stretches, strict=True))
-        curve = Hermite(
-            [one.place for one in nodes],
-            [np.append(one.point.x, one.point.parameter) for one in nodes],
-            [np.append(one.point.tangent_x, one.point.tangent_parameter) * stretch for one, stretch in pairs],
-        )
+        """Return functions without primitives at predicted states: those of the polynomials through the points."""
+        points = [one.point for one in nodes]
+        states = [np.append(point.x, point.parameter) for point in points]
+        tangents = [np.append(point.tangent_x, point.tangent_parameter) for point in points]
+        curve = Hermite([one.place for one in nodes], states, list(stretches[:, None] * np.array(tangents)))
         segment = Segment(part.first.point, part.last.point, self.segment.metric)
         rows = [[self.functions.values(_predicted(segment, *one)) for one in curve.at(z)[1:][-2:]] for z in at]
         found = [values.T for values in np.array(rows).transpose(1, 0, 2)]
-        doubt = self._differ(found)
-        if np.all(doubt.max(axis=1) <= RESOLVED_SHARE * np.abs(found[-1]).max(axis=1)):
-            return found[-1], doubt
-        options = self.functions.options
-        thetas = (at - part.first.place) / (part.last.place - part.first.place)
-        found = [self.functions.at(point_on(segment, theta, options, precise=False)[0]) for theta in thetas]
-        begin, (a, b, c), end = self.functions.at(segment.begin), found, self.functions.at(segment.end)
-        # Only what the points leave open between them is uncertain.
-        others = (3 * begin + 6 * b - end) / 8, (4 * (a + c) - begin - end) / 6, (6 * b - begin + 3 * end) / 8
-        return np.transpose(found), np.abs(np.transpose(found) - np.transpose(others))
+        return found[-1], self._differ(found)
 
     def _differ(self, found: Sequence[Array]) -> Array:
-        if len(found) > 1:
-            return np.asarray(np.abs(found[-1] - found[0]))
-        return RESOLVED_SHARE * np.abs(found[-1])
+        return np.asarray(np.abs(found[-1] - found[0]) if len(found) > 1 else RESOLVED_SHARE * np.abs(found[-1]))
 
     def _divided(self, part: _Part, share: float) -> list[_Part]:
         """Return both parts of a part, the first one last; the point between them is no zero."""
@@ -320,8 +293,8 @@ class Search:
         if middle is None:
             raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns back within a step.)")
         return [
-            _Part(middle, part.last, part.offset + part.share * theta, part.share * (1 - theta), part.divisions + 1),
-            _Part(part.first, middle, part.offset, part.share * theta, part.divisions + 1),
+            _Part(middle, part.last, part.offset + part.share * theta, part.share * (1 - theta)),
+            _Part(part.first, middle, part.offset, part.share * theta),
         ]
 
     def _bracket(self, part: _Part, number: int, share: float) -> Bracket:
@@ -335,17 +308,11 @@ class Search:
         places = np.array([part.first.place, part.last.place, 0.0])
         places[2] = places[0] + share * (places[1] - places[0])
         begin, end, wanted = np.copysign(np.abs(places) ** self.power, places)
-        leave, arrive = (
-            part.first.rate * segment.scale_begin / (end - begin),
-            part.last.rate * segment.scale_end / (end - begin),
-        )
         goal = (wanted - begin) / (end - begin)
-        theta = goal
-        for _ in range(3):
-            rest = theta * (leave + theta * (3 - 2 * leave - arrive + theta * (leave + arrive - 2))) - goal
-            slope = leave + theta * (2 * (3 - 2 * leave - arrive) + theta * 3 * (leave + arrive - 2))
-            theta = min(max(theta - rest / slope, 0.0), 1.0) if slope > 0.0 else theta
-        return float(theta)
+        rates = np.array([part.first.rate * segment.scale_begin, part.last.rate * segment.scale_end])
+        leave, arrive = (end - begin) / np.maximum(rates, STEEPEST * (end - begin))
+        theta = goal * (goal * (3 - 2 * goal) + (1 - goal) * ((1 - goal) * leave - goal * arrive))
+        return float(theta if 0.0 < theta < 1.0 else goal)
 
 
 def _predicted(segment: Segment, state: Array, direction: Array) -> Point:
@@ -372,8 +339,6 @@ def division(values: Array, doubt: Array) -> float | None:
     spaces = len(values) - 1
     if doubt.max() > RESOLVED_SHARE * np.abs(values).max():
         return 0.5
-    if clear(values, doubt):
-        return None
     bends = _bends(values)
     crossings = np.flatnonzero((values[:-1] > 0) != (values[1:] > 0))
     if len(crossings) > 1:
@@ -397,7 +362,7 @@ def division(values: Array, doubt: Array) -> float | None:
     i = int(np.argmin(left_over))
     if left_over[i] > 0:
         return None
-    return float(np.clip((i + t[i]) / spaces, SHORTEST_SHARE, 1 - SHORTEST_SHARE))
+    return float(np.clip((i + t[i]) / spaces, ASIDE, 1 - ASIDE))
 
 
 def _falls(values: Array, doubt: Array, i: int) -> bool:
