@@ -210,7 +210,7 @@ class _Direction:
             except CorrectionError as error:
                 if foresee and end is not None and isinstance(error.__cause__, UnresolvedError):
                     foresee = False
-                    if not self._prepared(end):
+                    if not self._adapt(end):
                         step *= AFTER_FAILURE
                     predictor = self._predictor()
                     continue
@@ -220,22 +220,6 @@ class _Direction:
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
                 step *= AFTER_FAILURE
             growth = 1.0  # what has failed once is not tried again at once
-
-    def _prepared(self, ahead: Point) -> bool:
-        """Whether the last points were carried to a discretisation made for what lies ahead."""
-        begin = self.recent[-1]
-        try:
-            here, carry = adapted(begin, self.metric, self.options, ahead)
-        except CorrectionError:
-            return False
-        if here is begin:
-            return False
-        if self.branch.points:
-            self.branch.points[-1] = here
-        else:
-            self.branch = replace(self.branch, start=here)
-        self._carry(carry, here, self.recent[:-1])
-        return True
 
     def _go_on_from(self, taken: _Step) -> None:
         """Measure lengths anew behind a step, and carry its end to the discretisation that its problem prefers."""
@@ -247,23 +231,35 @@ class _Direction:
             options.weight, max(options.state_floor, end.problem.negligible(end.x, end.parameter))
         )
         self.step = taken.factor * self.metric.norm(begin.problem, dx, dp)
-        try:
-            here, carry = adapted(end, self.metric, options)
-        except CorrectionError as error:
-            if not isinstance(error.__cause__, UnresolvedError):
-                raise
-            here = end  # a discretisation that shows less than the present one
-        if here is end:
-            self.recent = [*self.recent, here][-POINTS:]
-        else:
-            self.branch.points[-1] = here
-            self._carry(carry, here, self.recent)
+        self.recent = [*self.recent, end][-POINTS:]
+        self._adapt()
 
-    def _carry(self, carry: Callable[[Point], Point] | None, here: Point, before: Sequence[Point]) -> None:
+    def _adapt(self, ahead: Point | None = None) -> bool:
+        """Carry the last points to the discretisation that the problem prefers for the last one, or for one ahead.
+
+        Returns
+        -------
+        bool
+            Whether it offers another one than the present.
+        """
+        *before, here = self.recent
         try:
-            self.recent = [*(map(carry, before) if carry else ()), here][-POINTS:]
+            there, carry = adapted(here, self.metric, self.options, ahead)
+        except CorrectionError as error:
+            if ahead is None and not isinstance(error.__cause__, UnresolvedError):
+                raise
+            return False  # a discretisation that shows less than the present one
+        if there is here:
+            return False
+        if self.branch.points:
+            self.branch.points[-1] = there
+        else:
+            self.branch = replace(self.branch, start=there)
+        try:
+            self.recent = [*(map(carry, before) if carry else ()), there]
         except CorrectionError:  # earlier points may not have what the new discretisation follows
-            self.recent = [here]
+            self.recent = [there]
+        return True
 
     def _look_inside(self, segment: Segment, ahead: Bordered) -> tuple[Segment, list[Happening], End | None]:
         """Cut a step where the curve ends, and return what happens in it.

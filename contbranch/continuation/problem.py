@@ -128,7 +128,7 @@ class Problem(ABC):
     def product(self, x: Array, p: float) -> Callable[[Array], Array]:
         """Return what multiplies a vector by dF/dx at little cost, and with as small rounding errors as that allows.
 
-        With it, or with a sparse Jacobian, accurate points and tangents need no factorisation of their own: the one of
+        Where a problem has its own, points and tangents need no factorisation of their own: the one of
         a point next to them serves, see `delicate`. Default: the Jacobian.
         """
         together = type(self).jacobian is Problem.jacobian and type(self).linearise is not Problem.linearise
