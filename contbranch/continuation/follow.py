@@ -20,15 +20,7 @@ from contbranch.continuation.problem import UnresolvedError, size_of
 from contbranch.continuation.scan import scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.stability import HopfEvent, Spectrum, with_stability
-from contbranch.continuation.step import (
-    AFTER_FAILURE,
-    FAILED_ERROR_SHARE,
-    FORETOLD_CONTRACTION,
-    POINTS,
-    RECOVERY_FACTOR,
-    Predictor,
-    judge,
-)
+from contbranch.continuation.step import AFTER_FAILURE, POINTS, Predictor, judge
 from contbranch.continuation.walk import adapted, annotated, examined, to_point, unit_tangent
 from contbranch.errors import InputError
 from contbranch.watch import INTERRUPTIONS, LATE, Interruption, Watch, caught, watched
@@ -141,7 +133,7 @@ class _Direction:
         self.branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
         self.balance = balance.sized(size_of(start.problem, start.x), start.parameter)
         self.metric = self.balance.metric(options.weight, options.state_floor)
-        self.recent, self.count, self.reach = [start], 1, math.inf
+        self.recent, self.count = [start], 1
         self.escape = Escape(interval, options.edge_tolerance)
         self.step = options.first_step * self.metric.norm(start.problem, start.tangent_x, start.tangent_parameter)
 
@@ -175,7 +167,7 @@ class _Direction:
         Once, where it leads to what the discretisation does not resolve, it is taken again on one made for that.
         """
         predictor, options, step = self._predictor(), self.options, self.step
-        growth, foresee, missed = options.growth, True, 0.0
+        growth, foresee = options.growth, True
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while True:
             here, metric = predictor.here, predictor.metric
@@ -191,22 +183,14 @@ class _Direction:
             try:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
-                judgement = judge(here, end, corrected, metric, options)
-                constants = predictor.constants(step, foretold, end)
-                before = (
-                    FAILED_ERROR_SHARE * predictor.error(missed, constants, self.count)
-                    if missed
-                    else RECOVERY_FACTOR * self.reach
-                )
-                told = corrected.contraction  # nothing, where Newton's method had next to nothing to do
-                self.reach = min(before, corrected.first_correction * FORETOLD_CONTRACTION / told if told else math.inf)
-                longest, self.count = predictor.longest(step, constants, growth, self.reach)
-                if judgement.accepted:
+                accepted, factor = judge(here, end, corrected, metric, options)
+                longest, self.count = predictor.longest(step, predictor.constants(step, foretold, end), growth)
+                if accepted:
                     segment, happenings, stop = self._look_inside(
                         Segment(here, examined(end), metric), corrected.bordered
                     )
-                    return _Step(segment, happenings, stop, min(judgement.factor, longest, growth))
-                step *= judgement.factor
+                    return _Step(segment, happenings, stop, min(factor, longest, growth))
+                step *= factor
             except CorrectionError as error:
                 if foresee and end is not None and isinstance(error.__cause__, UnresolvedError):
                     foresee = False
@@ -214,7 +198,7 @@ class _Direction:
                         step *= AFTER_FAILURE
                     predictor = self._predictor()
                     continue
-                failure, missed = error, step
+                failure = error
                 step *= AFTER_FAILURE
             except LeapError:
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")

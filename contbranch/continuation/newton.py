@@ -48,15 +48,18 @@ class CorrectionError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """A point on the curve with its tangent (not yet of unit length), and what Newton's method said on the way."""
+    """A point on the curve with its tangent (not yet of unit length), and what Newton's method said on the way.
+
+    Hidden is a point on whose place rounding of the residual leaves Newton's corrections no say.
+    """
 
     x: Array
     parameter: float
     tangent_x: Array
     tangent_parameter: float
     bordered: Bordered
-    first_correction: float
     contraction: float
+    hidden: bool = False
 
 
 class evaluating:  # a context, like suppress
@@ -147,14 +150,14 @@ def correct(
     x, p = near
     own = problem.in_plane(x, p, row, precise)
     if own is not None:
-        return Corrected(*own, Bordered(), 0.0, 0.0)
+        return Corrected(*own, Bordered(), 0.0)
     rounding = 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
     tolerance = max(options.tolerance, rounding)
     signed = options.detect_branch_points and not precise
     close = max(PRECISE_DISTANCE if precise else SIGN_DISTANCE if signed else TANGENT_DISTANCE, rounding)
-    first = previous = height = math.inf
+    previous = height = math.inf
     worst = 0.0
-    # Where products with the Jacobian cost little beside its factorisation, the one of a small correction serves for the
+    # Where products with the Jacobian cost little beside its factorisation, that of a small correction serves for the
     # next ones as long as they contract by `STALL_RATIO`; the sign of a determinant needs the point's own.
     keeps = type(problem).product is not Problem.product and not signed
     kept = keeps and bordered is not None
@@ -177,7 +180,6 @@ def correct(
         if not rounded:
             x, p = x + dx, p + dp
         if iteration == 1:
-            first = size
             done = size <= max(tolerance, close * (precise and not kept))  # the next one is about its square
         else:
             left_over = contraction * size if kept else contraction**2 * size
@@ -193,7 +195,7 @@ def correct(
             if kept or problem.delicate:
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
-            return Corrected(x, p, u, a, bordered, first, worst)
+            return Corrected(x, p, u, a, bordered, worst, rounded)
         previous = size
         kept = keeps and size < SMALL_CORRECTION and not (kept and stalls)
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")

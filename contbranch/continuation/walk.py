@@ -62,11 +62,7 @@ def corrected_point(
 
     The matrix kept of another point in a plane normal to the same direction saves one where it serves, see `correct`.
     """
-    size = metric.norm(problem, *along)
-    if not (size > 0 and math.isfinite(size)):
-        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
-    row = metric.row(problem, *metric.unit(problem, *along))
-    corrected = correct(problem, near, row, metric, options, precise, kept)
+    corrected = correct(problem, near, _normal(problem, along, metric), metric, options, precise, kept)
     return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
 
@@ -76,21 +72,45 @@ def point_on(segment: Segment, theta: float, options: Options, precise: bool = T
     return corrected_point(segment.begin.problem, near, along, segment.metric, options, precise=precise)
 
 
+def _normal(problem: Problem, direction: Direction, metric: Metric) -> Direction:
+    """Return the border of the plane normal to a direction; CorrectionError if that has no length."""
+    size = metric.norm(problem, *direction)
+    if not (size > 0 and math.isfinite(size)):
+        raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
+    return metric.row(problem, *metric.unit(problem, *direction))
+
+
+# Shares of a segment by which points lie aside that stand in for one in a place where rounding hides the curve.
+STAND_IN_SHARE = 0.01
+
+
 class Across:
     """Points of the curve next to a segment, in planes normal to its direction at one fraction θ.
 
-    They share a bordered matrix as far as it serves.
+    They share a bordered matrix as far as it serves. Next to a branch point it is all but singular and rounding hides
+    the curve: a point there is interpolated between points a little way off.
     """
 
     def __init__(self, segment: Segment, theta: float, options: Options) -> None:
-        self.segment, self.options, self.along = segment, options, segment.direction(theta)
+        self.segment, self.options = segment, options
+        self.row = _normal(segment.begin.problem, segment.direction(theta), segment.metric)
         self.bordered: Bordered | None = None
 
     def at(self, theta: float) -> Point:
         """The point at the fraction θ of the segment."""
-        near, metric, problem = self.segment.at(theta), self.segment.metric, self.segment.begin.problem
-        point, self.bordered = corrected_point(problem, near, self.along, metric, self.options, self.bordered)
-        return point
+        point, hidden = self._corrected(theta)
+        if not (hidden and self.options.detect_branch_points):
+            return point
+        (begin, _), (end, _) = (self._corrected(theta + by) for by in (-STAND_IN_SHARE, STAND_IN_SHARE))
+        around = Segment(begin, end, self.segment.metric)
+        return Point(begin.problem, *around.at(0.5), *around.metric.unit(begin.problem, *around.direction(0.5)))
+
+    def _corrected(self, theta: float) -> tuple[Point, bool]:
+        """The point, and whether rounding hides its place."""
+        segment, problem = self.segment, self.segment.begin.problem
+        corrected = correct(problem, segment.at(theta), self.row, segment.metric, self.options, True, self.bordered)
+        self.bordered = corrected.bordered
+        return to_point(problem, corrected, segment.metric, sign=False), corrected.hidden
 
 
 # Below this parameter component (in the metric) the sign of dp/ds does not orient a tangent reliably.
