@@ -249,11 +249,7 @@ class MatrixFreeBordered(Bordered):
 
 
 def factorise(
-    jacobian: Any,
-    b: Array,
-    c: Array,
-    d: float,
-    preconditioner: Callable[[Array], Array] | None = None,
+    jacobian: Any, b: Array, c: Array, d: float, preconditioner: Callable[[Array], Array] | None = None
 ) -> Bordered:
     """Return the bordered solver that suits the Jacobian: dense, sparse or matrix-free.
 

@@ -179,7 +179,7 @@ class _Direction:
             if not step >= options.smallest_step:
                 raise failure
             foretold = predictor.at(step)
-            near, end = predictor.chosen(foretold, self.count, 0.5 * options.angle_limit * step), None
+            near, end = foretold[min(self.count, len(foretold)) - 1], None
             try:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,15 +24,13 @@ TANGENT_DISTANCE, SIGN_DISTANCE, PRECISE_DISTANCE = 1e-4, 1e-7, 1e-10
 # Corrections below this (in the metric) tell nothing of how long a step may be: what is stiff in a prediction makes the
 # first one small and the second, of what is soft, larger; the third is their square.
 SMALL_CORRECTION = 1e-3
-# A correction that is larger than this share of the one before does not contract as Newton's do.
-STALL_RATIO = 0.1
-# Most corrections of a predicted point, of a start, and of a tangent.
-CORRECTIONS, START_CORRECTIONS, TANGENT_CORRECTIONS = 10, 50, 8
-# A start is a solution if no component of its residual is larger than this multiple of rounding, ...
-START_ROUNDINGS = 4.0
-# ... if Newton's correction is below this share of it, or if rounding hides how to lower the residual and the
-# correction is below this share of the way to it.
-START_TOLERANCE, START_STALL = 1e-10, 1e-6
+# Contraction of Newton's corrections that steps aim at: a few digits more with every one of them (P. Deuflhard, Newton
+# Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8). With less they do not contract as his.
+CONTRACTION = 0.1
+# Most corrections of a predicted point or a tangent, and of a start.
+CORRECTIONS, START_CORRECTIONS = 10, 50
+# A start is a solution if Newton's correction is below this share of it.
+START_TOLERANCE = 1e-10
 
 # Change of a unit tangent by a refinement from which on the equations do not determine it.
 UNDETERMINED_TANGENT = 1e-3
@@ -62,19 +62,14 @@ class Corrected:
     hidden: bool = False
 
 
-class evaluating:  # a context, like suppress
+@contextmanager
+def evaluating(p: float, where: str = "") -> Iterator[None]:
     """Turn whatever the user's code raises into a CorrectionError, which ends the attempt and keeps its text."""
-
-    def __init__(self, p: float, where: str = "") -> None:
-        self.p, self.where = p, where
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
-        if isinstance(error, Exception):
-            detail = f"({type(error).__name__}{self.where} at parameter {self.p:.6g}: {error})"
-            raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
+    try:
+        yield
+    except Exception as error:
+        detail = f"({type(error).__name__}{where} at parameter {p:.6g}: {error})"
+        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
 
 
 def linearise(problem: Problem, x: Array, p: float) -> Linearisation:
@@ -158,7 +153,7 @@ def correct(
     previous = height = math.inf
     worst = 0.0
     # Where products with the Jacobian cost little beside its factorisation, that of a small correction serves for the
-    # next ones as long as they contract by `STALL_RATIO`; the sign of a determinant needs the point's own.
+    # next ones as long as they contract by `CONTRACTION`; the sign of a determinant needs the point's own.
     keeps = type(problem).product is not Problem.product and not signed
     kept = keeps and bordered is not None
     for iteration in range(1, CORRECTIONS + 1):
@@ -170,7 +165,7 @@ def correct(
         dx, dp = solve(bordered, -left, 0.0, p)
         size = metric.norm(problem, dx, dp)
         contraction = size / previous
-        stalls = contraction > STALL_RATIO
+        stalls = contraction > CONTRACTION
         if kept and size > max(min(previous, SMALL_CORRECTION), tolerance):  # not taken: it leads away
             kept = False
             continue
@@ -191,9 +186,10 @@ def correct(
             if size > SMALL_CORRECTION:
                 worst = max(worst, contraction)
         if done:
-            u, a = solve(bordered, np.zeros_like(x), 1.0, p)
-            if kept or problem.delicate:
-                u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
+            if keeps:
+                u, a = _tangent(problem, (x, p), row, bordered, (metric, close))
+            else:
+                u, a = solve(bordered, np.zeros_like(x), 1.0, p)
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, worst, rounded)
         previous = size
@@ -201,22 +197,18 @@ def correct(
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 
-def _refined(
-    problem: Problem,
-    row: Direction,
-    bordered: Bordered,
-    at: tuple[Array, float, Array, float],
-    fine: tuple[Metric, float],
+def _tangent(
+    problem: Problem, at: Direction, row: Direction, bordered: Bordered, close: tuple[Metric, float]
 ) -> Direction:
-    """The tangent at a point, from a matrix factorised next to it and products at the point itself.
+    """Return the tangent at a point, from a matrix factorised next to it and products at the point itself.
 
-    Until a change is below a share of it: the next is as much smaller again.
+    It is refined until a change is below a share of it, `close`: the next is as much smaller again.
     """
-    x, p, u, a = at
-    metric, share = fine
+    (x, p), (metric, share) = at, close
+    u, a = solve(bordered, np.zeros_like(x), 1.0, p)
     with evaluating(p):
         product, slope = problem.product(x, p), problem.parameter_derivative(x, p)
-    for _ in range(TANGENT_CORRECTIONS):
+    for _ in range(CORRECTIONS):
         du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
         u, a = u + du, a + da
         if metric.norm(problem, du, da) <= share * metric.norm(problem, u, a):
@@ -265,12 +257,11 @@ def correct_start(problem: Problem, x: Array, p: float) -> tuple[Array, float]:
     at = linearise(problem, x, p)
     for _ in range(START_CORRECTIONS):
         size = float(np.linalg.norm(at.residual))
-        if is_rounding(at.residual, at, x, p, START_ROUNDINGS):
-            return x, travelled
+        rounded = is_rounding(at.residual, at, x, p, Options.noise)
         try:
             dx, _ = solve(border(problem, x, p, at, row), -at.residual, 0.0, p)
         except CorrectionError as error:
-            if is_rounding(at.residual, at, x, p, Options.noise):  # a fold
+            if rounded:  # a fold
                 return x, travelled
             detail = f"({error} The residual's norm at parameter {p:.6g} is {size:.3g}.)"
             raise CorrectionError(Outcome.START_FAILED, detail) from error
@@ -279,11 +270,11 @@ def correct_start(problem: Problem, x: Array, p: float) -> tuple[Array, float]:
         if correction <= START_TOLERANCE * size_of(problem, x + dx):
             return x + dx, travelled
         lower = _damped(problem, x, p, dx, size)
+        if lower is None and rounded:
+            return x, travelled
         if lower is None:
             break
         x, at = lower
-    if correction <= START_STALL * max(size_of(problem, x), travelled):
-        return x, travelled
     detail = f"(The residual's norm at parameter {p:.6g} is still {size:.3g}.)"
     raise CorrectionError(Outcome.START_FAILED, detail)
 

@@ -82,12 +82,9 @@ class Problem(ABC):
     ordered : bool
         Whether the parameter changes one way along the curve, and so is a coordinate on it: a step that turns it is
         repeated shorter.
-    delicate : bool
-        Whether rounding in factorised matrices spoils tangents, so that all are refined by `product`.
     """
 
     ordered: bool = False
-    delicate: bool = False
 
     @abstractmethod
     def residual(self, x: Array, p: float) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
-from contbranch.continuation.newton import Corrected
+from contbranch.continuation.newton import CONTRACTION, Corrected
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction
 
@@ -109,14 +109,6 @@ class Predictor:
         here = self.here
         return [(here.x + moved[:-1], here.parameter + float(moved[-1])) for moved, _ in self._hermite.at(s)]
 
-    def chosen(self, foretold: Sequence[Direction], count: int, reach: float) -> Direction:
-        """Return the prediction from `count` points, or from fewer where it strays too far from the tangent."""
-        x, p = foretold[0]
-        for there, at in foretold[min(count, len(foretold)) - 1 : 0 : -1]:
-            if self.metric.norm(self.here.problem, there - x, at - p) <= reach:
-                return there, at
-        return x, p
-
     def constants(self, s: float, foretold: Sequence[Direction], end: Point) -> list[float]:
         """Return C of the polynomials through one, two, ... points, from where a step s led and what was foretold."""
         found = []
@@ -147,9 +139,6 @@ class Predictor:
         return best
 
 
-# Newton's contraction that the step control aims at: a few digits more with every iteration (P. Deuflhard, Newton
-# Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8).
-CONTRACTION = 0.1
 # A failed step says nothing about how much too long it was.
 AFTER_FAILURE = 0.5
 
@@ -178,4 +167,4 @@ def judge(begin: Point, end: Point, corrected: Corrected, metric: Metric, option
         return False, min(max(0.8 * factor, 0.1), 0.7)
     if corrected.contraction > CONTRACTION:
         factor = min(factor, math.sqrt(CONTRACTION / corrected.contraction))
-    return True, min(max(factor, 0.2), options.growth)
+    return True, min(max(factor, SHORTEST), options.growth)
