@@ -179,11 +179,11 @@ class _Direction:
             if not step >= options.smallest_step:
                 raise failure
             foretold = predictor.at(step)
-            near, end = foretold[min(self.count, len(foretold)) - 1], None
+            near, end = predictor.chosen(foretold, self.count, 0.5 * options.angle_limit * step), None
             try:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
-                accepted, factor = judge(here, end, corrected, metric, options)
+                accepted, factor = judge(here, end, metric, options)
                 longest, self.count = predictor.longest(step, predictor.constants(step, foretold, end), growth)
                 if accepted:
                     segment, happenings, stop = self._look_inside(

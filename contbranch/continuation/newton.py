@@ -21,16 +21,18 @@ from contbranch.watch import check
 # the sign of its determinant, which changes by many times as much where a symmetry is about to be lost; and for a
 # tangent as accurate as its point.
 TANGENT_DISTANCE, SIGN_DISTANCE, PRECISE_DISTANCE = 1e-4, 1e-7, 1e-10
-# Corrections below this (in the metric) tell nothing of how long a step may be: what is stiff in a prediction makes the
-# first one small and the second, of what is soft, larger; the third is their square.
+# Corrections below this (in the metric) may grow: what is stiff in a prediction makes the first one small and the
+# second, of what is soft, larger; the third is their square. A matrix farther from a point does not serve for it.
 SMALL_CORRECTION = 1e-3
-# Contraction of Newton's corrections that steps aim at: a few digits more with every one of them (P. Deuflhard, Newton
-# Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8). With less they do not contract as his.
-CONTRACTION = 0.1
+# A correction that is larger than this share of the one before does not contract as Newton's do.
+STALL_RATIO = 0.1
 # Most corrections of a predicted point or a tangent, and of a start.
 CORRECTIONS, START_CORRECTIONS = 10, 50
-# A start is a solution if Newton's correction is below this share of it.
-START_TOLERANCE = 1e-10
+# A start is a solution if no component of its residual is larger than this multiple of rounding, ...
+START_ROUNDINGS = 4.0
+# ... if Newton's correction is below this share of it, or if rounding hides how to lower the residual and the
+# correction is below this share of the way to it.
+START_TOLERANCE, START_STALL = 1e-10, 1e-6
 
 # Change of a unit tangent by a refinement from which on the equations do not determine it.
 UNDETERMINED_TANGENT = 1e-3
@@ -48,7 +50,7 @@ class CorrectionError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """A point on the curve with its tangent (not yet of unit length), and what Newton's method said on the way.
+    """A point on the curve with its tangent (not yet of unit length) and the bordered matrix next to it.
 
     Hidden is a point on whose place rounding of the residual leaves Newton's corrections no say.
     """
@@ -58,7 +60,6 @@ class Corrected:
     tangent_x: Array
     tangent_parameter: float
     bordered: Bordered
-    contraction: float
     hidden: bool = False
 
 
@@ -145,15 +146,14 @@ def correct(
     x, p = near
     own = problem.in_plane(x, p, row, precise)
     if own is not None:
-        return Corrected(*own, Bordered(), 0.0)
+        return Corrected(*own, Bordered())
     rounding = 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
     tolerance = max(options.tolerance, rounding)
     signed = options.detect_branch_points and not precise
     close = max(PRECISE_DISTANCE if precise else SIGN_DISTANCE if signed else TANGENT_DISTANCE, rounding)
     previous = height = math.inf
-    worst = 0.0
     # Where products with the Jacobian cost little beside its factorisation, that of a small correction serves for the
-    # next ones as long as they contract by `CONTRACTION`; the sign of a determinant needs the point's own.
+    # next ones as long as they contract by `STALL_RATIO`; the sign of a determinant needs the point's own.
     keeps = type(problem).product is not Problem.product and not signed
     kept = keeps and bordered is not None
     for iteration in range(1, CORRECTIONS + 1):
@@ -165,7 +165,7 @@ def correct(
         dx, dp = solve(bordered, -left, 0.0, p)
         size = metric.norm(problem, dx, dp)
         contraction = size / previous
-        stalls = contraction > CONTRACTION
+        stalls = contraction > STALL_RATIO
         if kept and size > max(min(previous, SMALL_CORRECTION), tolerance):  # not taken: it leads away
             kept = False
             continue
@@ -183,15 +183,13 @@ def correct(
             failed = contraction > 0.5 and size > SMALL_CORRECTION and iteration > options.patience + 1
             if not done and (failed or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
-            if size > SMALL_CORRECTION:
-                worst = max(worst, contraction)
         if done:
             if keeps:
                 u, a = _tangent(problem, (x, p), row, bordered, (metric, close))
             else:
                 u, a = solve(bordered, np.zeros_like(x), 1.0, p)
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
-            return Corrected(x, p, u, a, bordered, worst, rounded)
+            return Corrected(x, p, u, a, bordered, rounded)
         previous = size
         kept = keeps and size < SMALL_CORRECTION and not (kept and stalls)
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
@@ -257,11 +255,12 @@ def correct_start(problem: Problem, x: Array, p: float) -> tuple[Array, float]:
     at = linearise(problem, x, p)
     for _ in range(START_CORRECTIONS):
         size = float(np.linalg.norm(at.residual))
-        rounded = is_rounding(at.residual, at, x, p, Options.noise)
+        if is_rounding(at.residual, at, x, p, START_ROUNDINGS):
+            return x, travelled
         try:
             dx, _ = solve(border(problem, x, p, at, row), -at.residual, 0.0, p)
         except CorrectionError as error:
-            if rounded:  # a fold
+            if is_rounding(at.residual, at, x, p, Options.noise):  # a fold
                 return x, travelled
             detail = f"({error} The residual's norm at parameter {p:.6g} is {size:.3g}.)"
             raise CorrectionError(Outcome.START_FAILED, detail) from error
@@ -270,11 +269,11 @@ def correct_start(problem: Problem, x: Array, p: float) -> tuple[Array, float]:
         if correction <= START_TOLERANCE * size_of(problem, x + dx):
             return x + dx, travelled
         lower = _damped(problem, x, p, dx, size)
-        if lower is None and rounded:
-            return x, travelled
         if lower is None:
             break
         x, at = lower
+    if correction <= START_STALL * max(size_of(problem, x), travelled):
+        return x, travelled
     detail = f"(The residual's norm at parameter {p:.6g} is still {size:.3g}.)"
     raise CorrectionError(Outcome.START_FAILED, detail)
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
-from contbranch.continuation.newton import CONTRACTION, Corrected
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction
 
@@ -109,6 +108,14 @@ class Predictor:
         here = self.here
         return [(here.x + moved[:-1], here.parameter + float(moved[-1])) for moved, _ in self._hermite.at(s)]
 
+    def chosen(self, foretold: Sequence[Direction], count: int, reach: float) -> Direction:
+        """Return the prediction from `count` points, or from fewer where it strays too far from the tangent."""
+        x, p = foretold[0]
+        for there, at in foretold[min(count, len(foretold)) - 1 : 0 : -1]:
+            if self.metric.norm(self.here.problem, there - x, at - p) <= reach:
+                return there, at
+        return x, p
+
     def constants(self, s: float, foretold: Sequence[Direction], end: Point) -> list[float]:
         """Return C of the polynomials through one, two, ... points, from where a step s led and what was foretold."""
         found = []
@@ -143,10 +150,10 @@ class Predictor:
 AFTER_FAILURE = 0.5
 
 
-def judge(begin: Point, end: Point, corrected: Corrected, metric: Metric, options: Options) -> tuple[bool, float]:
+def judge(begin: Point, end: Point, metric: Metric, options: Options) -> tuple[bool, float]:
     """Return whether a step is accepted, and the factor from its length to that of the next attempt.
 
-    It is judged by true tangents and by the contraction of Newton's method.
+    It is judged by true tangents.
 
     The angle between the tangents at both ends, and the angles between either of them and the chord, must stay below
     the limit: the first guards against steps round a fold, the others against a step that leaps onto another part
@@ -165,6 +172,4 @@ def judge(begin: Point, end: Point, corrected: Corrected, metric: Metric, option
     factor = options.angle / worst if worst > 0 else math.inf
     if worst > options.angle_limit:
         return False, min(max(0.8 * factor, 0.1), 0.7)
-    if corrected.contraction > CONTRACTION:
-        factor = min(factor, math.sqrt(CONTRACTION / corrected.contraction))
     return True, min(max(factor, SHORTEST), options.growth)
