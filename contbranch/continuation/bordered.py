@@ -13,9 +13,10 @@ by elimination of J.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -58,51 +59,60 @@ def border_scales(jacobian: Any, b: Array, c: Array, d: float) -> tuple[float, f
 
     Pivots are then chosen among entries of like size.
     """
-    sizes = [float(abs(part).max()) if part.size else 0.0 for part in (jacobian, b, c)]
-    if not math.isfinite(sum(sizes) + d):
+    size, *borders = (float(abs(part).max(initial=0.0)) for part in (jacobian, b, c))
+    if not (size > 0.0 and math.isfinite(size + sum(borders) + d)):
         return 1.0, 1.0
-    size, *borders, corner = (math.log2(part) if part > 0.0 else None for part in (*sizes, abs(d)))
-    if size is None:
-        return 1.0, 1.0
-    scales = [0.0 if part is None else size - part for part in borders]
-    excess = 0.0 if corner is None else max(sum(scales) + corner - size, 0.0) / 2
-    column, row = (round(min(max(scale - excess, -500.0), 500.0)) for scale in scales)
-    return 2.0**column, 2.0**row
+    scales = [math.log2(size) - math.log2(part) if part else 0.0 for part in borders]
+    excess = max(sum(scales) + math.log2(abs(d)) - math.log2(size), 0.0) / 2 if d else 0.0
+    column, row = (2.0 ** round(min(max(scale - excess, -500.0), 500.0)) for scale in scales)
+    return column, row
 
 
-class DenseBordered(Bordered):
+class Factorised(Bordered):
+    """An LU factorisation of the whole matrix, with its border scaled by powers of two."""
+
+    column_scale: float
+    row_scale: float
+
+    @abstractmethod
+    def substituted(self, f: Array, g: float, transposed: bool) -> Direction:
+        """Return the solution with the scaled matrix."""
+
+    def solve(self, f: Array, g: float) -> Direction:
+        """Return (u, a) for the right-hand side (f, g)."""
+        u, a = self.substituted(f, g * self.row_scale, False)
+        return u, a * self.column_scale
+
+    def solve_transposed(self, f: Array, g: float) -> Direction | None:
+        """Return the solution with the transposed matrix."""
+        u, a = self.substituted(f, g * self.column_scale, True)
+        return u, a * self.row_scale
+
+
+class DenseBordered(Factorised):
     """LU factorisation of the whole (n+1) x (n+1) matrix."""
 
     def __init__(self, jacobian: Array, b: Array, c: Array, d: float):
         self._n = n = b.size
-        self._column, self._row = border_scales(jacobian, b, c, d)
+        self.column_scale, self.row_scale = border_scales(jacobian, b, c, d)
         matrix = np.empty((n + 1, n + 1))
         matrix[:n, :n] = jacobian
-        matrix[:n, n] = b * self._column
-        matrix[n, :n] = c * self._row
-        matrix[n, n] = d * self._column * self._row
+        matrix[:n, n] = b * self.column_scale
+        matrix[n, :n] = c * self.row_scale
+        matrix[n, n] = d * self.column_scale * self.row_scale
         # LAPACK stores by columns, arrays are stored by rows: what is factorised is the transposed matrix.
         self._lu, self._pivots, info = dgetrf(matrix.T, overwrite_a=1)
         if info != 0:
             raise SingularBorderedError("The bordered matrix is singular.")
 
-    def _back_substitute(self, f: Array, g: float, transposed: int) -> Direction:
+    def substituted(self, f: Array, g: float, transposed: bool) -> Direction:
+        """Return the solution with the scaled matrix."""
         n = self._n
         rhs = np.empty(n + 1)
         rhs[:n] = f
         rhs[n] = g
-        solution, _ = dgetrs(self._lu, self._pivots, rhs, trans=transposed, overwrite_b=1)
+        solution, _ = dgetrs(self._lu, self._pivots, rhs, trans=int(not transposed), overwrite_b=1)
         return solution[:n], float(solution[n])
-
-    def solve(self, f: Array, g: float) -> Direction:
-        """Return (u, a) for the right-hand side (f, g)."""
-        u, a = self._back_substitute(f, g * self._row, 1)
-        return u, a * self._column
-
-    def solve_transposed(self, f: Array, g: float) -> Direction | None:
-        """Return the solution with the transposed matrix."""
-        u, a = self._back_substitute(f, g * self._column, 0)
-        return u, a * self._row
 
     def determinant_sign(self) -> int | None:
         """Return the sign of the determinant: that of the pivots, times the parity of the exchanges."""
@@ -111,7 +121,7 @@ class DenseBordered(Bordered):
         return -1 if (negative + exchanges) % 2 else 1
 
 
-class SparseBordered(Bordered):
+class SparseBordered(Factorised):
     """Sparse LU factorisation (SuperLU) of the whole matrix."""
 
     def __init__(self, jacobian: Any, b: Array, c: Array, d: float):
@@ -120,8 +130,8 @@ class SparseBordered(Bordered):
         if not csc.has_canonical_format:
             csc = csc.copy()  # the caller's own stays as it is
             csc.sum_duplicates()
-        self._column, self._row = border_scales(csc.data, b, c, d)
-        b, c, d = b * self._column, c * self._row, d * self._column * self._row
+        self.column_scale, self.row_scale = border_scales(csc.data, b, c, d)
+        b, c, d = b * self.column_scale, c * self.row_scale, d * self.column_scale * self.row_scale
         frame = _frame(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
         self._order = order = frame.order
         data = np.empty(frame.rows.size)
@@ -133,21 +143,12 @@ class SparseBordered(Bordered):
         except RuntimeError as error:
             raise SingularBorderedError("The bordered matrix is singular.") from error
 
-    def _back_substitute(self, f: Array, g: float, transposed: Literal["N", "T"]) -> Direction:
-        solved = self._lu.solve(np.append(f[self._order], g), transposed)
+    def substituted(self, f: Array, g: float, transposed: bool) -> Direction:
+        """Return the solution with the scaled matrix."""
+        solved = self._lu.solve(np.append(f[self._order], g), "T" if transposed else "N")
         u = np.empty(self._n)
         u[self._order] = solved[:-1]
         return u, float(solved[-1])
-
-    def solve(self, f: Array, g: float) -> Direction:
-        """Return (u, a) for the right-hand side (f, g)."""
-        u, a = self._back_substitute(f, g * self._row, "N")
-        return u, a * self._column
-
-    def solve_transposed(self, f: Array, g: float) -> Direction | None:
-        """Return the solution with the transposed matrix."""
-        u, a = self._back_substitute(f, g * self._column, "T")
-        return u, a * self._row
 
     def determinant_sign(self) -> int | None:
         """Return the sign of the determinant: that of U's diagonal, times the parity of both permutations."""
@@ -197,7 +198,7 @@ def _parity(permutation: Any) -> int:
 
 
 class MatrixFreeBordered(Bordered):
-    """GMRES on the bordered operator, preconditioned by elimination with an approximate inverse of J.
+    """GMRES on the bordered operator, preconditioned by an approximate inverse of J.
 
     The transposed operator is not required of a problem, and one without matrix does not show its determinant.
 
@@ -219,22 +220,12 @@ class MatrixFreeBordered(Bordered):
         def apply(y: Array) -> Array:
             return np.append(operator @ y[:n] + b * y[n], c @ y[:n] + d * y[n])
 
-        self._operator = scipy.sparse.linalg.LinearOperator((n + 1, n + 1), matvec=apply, dtype=np.float64)
-        self._preconditioner = None
-        if preconditioner is not None:
-            inverse_b = preconditioner(b)
-            schur = d - float(c @ inverse_b)
-            if schur == 0.0:
-                schur = 1.0
+        def approximate(y: Array) -> Array:
+            return np.append(preconditioner(y[:n]) if preconditioner else y[:n], y[n])
 
-            def approximate(y: Array) -> Array:
-                inverse_f = preconditioner(y[:n])
-                a = (y[n] - float(c @ inverse_f)) / schur
-                return np.append(inverse_f - inverse_b * a, a)
-
-            self._preconditioner = scipy.sparse.linalg.LinearOperator(
-                (n + 1, n + 1), matvec=approximate, dtype=np.float64
-            )
+        shape = n + 1, n + 1
+        self._operator = scipy.sparse.linalg.LinearOperator(shape, matvec=apply, dtype=np.float64)
+        self._preconditioner = scipy.sparse.linalg.LinearOperator(shape, matvec=approximate, dtype=np.float64)
 
     def solve(self, f: Array, g: float) -> Direction:
         """Return (u, a) for the right-hand side (f, g)."""
@@ -258,11 +249,7 @@ class MatrixFreeBordered(Bordered):
 
 
 def factorise(
-    jacobian: Any,
-    b: Array,
-    c: Array,
-    d: float,
-    preconditioner: Callable[[Array], Array] | None = None,
+    jacobian: Any, b: Array, c: Array, d: float, preconditioner: Callable[[Array], Array] | None = None
 ) -> Bordered:
     """Return the bordered solver that suits the Jacobian: dense, sparse or matrix-free.
 

@@ -131,12 +131,16 @@ class Located:
         Estimated error of the state, in the norm of `Problem.inner`.
     index : int
         Its place among the curve's points.
+    before, after : int or None
+        Morse indices of the curve on either side, where the index changes there or several curves cross.
     """
 
     point: Point
     error: float
     state_error: float
     index: int = -1
+    before: int | None = None
+    after: int | None = None
 
     @property
     def parameter(self) -> float:
@@ -156,11 +160,11 @@ class Located:
     @property
     def kind(self) -> str:
         """Kind of the event."""
-        return "event"
+        return "index change"
 
     def turned(self) -> Self:
         """Return the event as seen along the opposite direction of the curve."""
-        return replace(self, point=self.point.turned())
+        return replace(self, point=self.point.turned(), before=self.after, after=self.before)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,9 +189,9 @@ class Fold(Located):
         """Kind of the event."""
         return "fold"
 
-    def turned(self) -> Fold:
+    def turned(self) -> Self:
         """Return the fold as seen along the opposite direction of the curve."""
-        return replace(self, point=self.point.turned(), null_vector=-self.null_vector)
+        return replace(Located.turned(self), null_vector=-self.null_vector)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -204,15 +208,11 @@ class BranchPoint(Located):
         `type` "branch point" and a single one, how the others go is not known.
     scales : (float, float)
         Lengths of state and parameter that the trace took for one where it found the point.
-    before, after : int or None
-        Morse indices of the curve on either side, where several curves cross and the problem knows them.
     """
 
     type: Literal["pitchfork", "transcritical", "branch point"] = "branch point"
     tangents: tuple[Direction, ...] = ()
     scales: tuple[float, float] = (1.0, 1.0)
-    before: int | None = None
-    after: int | None = None
 
     def __post_init__(self) -> None:
         if not self.tangents:
@@ -234,27 +234,14 @@ class BranchPoint(Located):
         """Kind of the event; that of several curves is a change of the index, where that is known."""
         return "branch point" if self.before == self.after else "index change"
 
-    def turned(self) -> BranchPoint:
+    def turned(self) -> Self:
         """Return the branch point as seen along the opposite direction of the curve."""
-        tangents = tuple((-u, -a) for u, a in self.tangents)
-        return replace(self, point=self.point.turned(), tangents=tangents, before=self.after, after=self.before)
+        return replace(Located.turned(self), tangents=tuple((-u, -a) for u, a in self.tangents))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IndexChange(Located):
     """A change of the Morse index that no fold and no simple branch point explains."""
-
-    before: int = 0
-    after: int = 0
-
-    @property
-    def kind(self) -> str:
-        """Kind of the event."""
-        return "index change"
-
-    def turned(self) -> IndexChange:
-        """Return the change as seen along the opposite direction of the curve."""
-        return replace(self, point=self.point.turned(), before=self.after, after=self.before)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -149,20 +149,8 @@ def trace_folds(
     # Where the fold rests, what rounding changes in units of its lengths is to set no scale.
     floor = max(options.state_floor, ROUNDING**0.5)
     options = replace(options, state_floor=floor, detect_folds=False, detect_branch_points=False)
-    found = trace_curve(
-        folds,
-        start,
-        q,
-        q_range,
-        options,
-        [_CuspEvent(), *events],
-        stop,
-        callback=callback,
-        direction=direction,
-        time_limit=time_limit,
-        norm_limit=norm_limit,
-    )
-    return FoldCurve(found)
+    follow = partial(trace_curve, callback=callback, direction=direction, time_limit=time_limit, norm_limit=norm_limit)
+    return FoldCurve(follow(folds, start, q, q_range, options, [_CuspEvent(), *events], stop))
 
 
 class _Lengths(NamedTuple):
