@@ -124,10 +124,12 @@ def _leaps(segment: Segment, ahead: Bordered) -> bool:
     off = solve(ahead, residual(problem, x, p), 0.0, p)
     if metric.norm(problem, *off) <= near:
         return False
-    # What rounding of F makes of a point where the matrix is soft is no distance from the curve.
+    # Along a direction in which rounding of F costs a point half its digits, the solution tells no distance.
     noise = np.random.default_rng(0).standard_normal(x.size)
     rounding = ROUNDING * residual_terms(linearise(problem, x, p), x, p) * noise
     soft = solve(ahead, rounding, 0.0, p)
+    if metric.norm(problem, *soft) <= math.sqrt(ROUNDING) * segment.length:
+        return True
     share = metric.dot(problem, *off, *soft) / metric.dot(problem, *soft, *soft)
     return metric.norm(problem, off[0] - share * soft[0], off[1] - share * soft[1]) > near
 
