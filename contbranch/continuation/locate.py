@@ -9,8 +9,8 @@ Sample = tuple[float, float]
 # A position is good enough if the secant's estimate of its error is by this factor.
 SECANT_SAFETY = 4.0
 # Interpolation from a value below this share of those at the bracket's ends, over less than this share of the distance
-# from them, lowers the value at least by the second factor, unless what is left is rounding: so it is the second time.
-RESOLVED_SHARE, LEAST_DECREASE, STALLS = 1e-3, 0.5, 2
+# from them, lowers the value at least by the second factor, unless what is left is rounding.
+RESOLVED_SHARE, LEAST_DECREASE = 1e-5, 0.5
 
 
 def find_root(
@@ -54,7 +54,7 @@ def find_root(
         raise ValueError("find_root needs values of opposite sign at both ends.")
     t = fa / (fa - fb) if guess is None else (guess - a) / (b - a)
     low, high, small = a, b, RESOLVED_SHARE * min(abs(fa), abs(fb))
-    c, fc, interpolated, stalls = a, fa, True, 0
+    c, fc, interpolated = a, fa, True
     for _ in range(100):
         x = a + t * (b - a)
         fx = function(x)
@@ -63,8 +63,7 @@ def find_root(
             return x
         least, known = min((abs(fa), a), (abs(fb), b))
         near = abs(x - a) < RESOLVED_SHARE * min(abs(x - low), abs(x - high))
-        stalls += interpolated and near and least < small and abs(fx) > LEAST_DECREASE * least
-        if stalls == STALLS:
+        if interpolated and near and least < small and abs(fx) > LEAST_DECREASE * least:
             return x if abs(fx) < least else known
         if (fx > 0) == (fa > 0):
             c, fc = a, fa

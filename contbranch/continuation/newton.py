@@ -184,7 +184,7 @@ def correct(
             if not done and (failed or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
         if done:
-            if keeps or (precise and size > tolerance):
+            if kept or (precise and size > tolerance):
                 u, a = _tangent(problem, (x, p), row, bordered, (metric, close))
             else:
                 u, a = solve(bordered, np.zeros_like(x), 1.0, p)
