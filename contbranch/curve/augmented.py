@@ -9,7 +9,6 @@ turns round or first touch is passed, are those of codimension two.
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -296,7 +295,15 @@ class EventProblem(Augmented, EquilibriumProblem):
         own = self.held(point)
         return equilibrium(own).defect(own)
 
-    size, rounding = (property(operator.attrgetter(f"base.{name}")) for name in ("size", "rounding"))
+    @property
+    def size(self) -> int:
+        """Number of unknowns of the equilibrium."""
+        return self.base.size
+
+    @property
+    def rounding(self) -> float:
+        """Of the equilibrium."""
+        return self.base.rounding
 
 
 def _room(place: float, rate: float, edges: tuple[float, float]) -> tuple[float, float]:

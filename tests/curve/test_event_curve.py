@@ -215,12 +215,12 @@ def test_the_jacobian_is_the_derivative_of_the_residual(name, control):
 def test_any_event_of_the_curve_can_be_followed():
     """The states of one displacement, as an event: they are those that `solve` finds."""
     found = folds()["wetting", "load"]
-    tabor, displacement = family_of(CONTACT, "tabor", 1.0), found.displacement + 0.01  # the load does not rest there
-    curve = EventCurve(Condition(tabor, event=Reached(DISPLACEMENT, displacement)), (1.8,), 1e-8)
+    tabor = family_of(CONTACT, "tabor", 1.0)
+    curve = EventCurve(Condition(tabor, event=Reached(DISPLACEMENT, found.displacement)), (1.8,), 1e-8)
     curve.trace(found.origin.raw.point)
     assert curve.complete
     (point,) = curve.at(1.8)
-    states = cb.solve(cb.Contact.reduced(cb.Gauss, 1.8, -1), displacement=displacement, accuracy=1e-8).states
+    states = cb.solve(cb.Contact.reduced(cb.Gauss, 1.8, -1), displacement=found.displacement, accuracy=1e-8).states
     nearest = min(states, key=lambda state: abs(state.load - point.load))
     for name in ("load", "displacement", "contact_radius", "central_gap"):
         assert getattr(point, name) == pytest.approx(getattr(nearest, name), abs=1e-7)
