@@ -20,7 +20,15 @@ from contbranch.continuation.problem import UnresolvedError, size_of
 from contbranch.continuation.scan import scan
 from contbranch.continuation.segment import Segment
 from contbranch.continuation.stability import HopfEvent, Spectrum, with_stability
-from contbranch.continuation.step import AFTER_FAILURE, POINTS, Predictor, judge
+from contbranch.continuation.step import (
+    AFTER_FAILURE,
+    FAILED_ERROR_SHARE,
+    FORETOLD_CONTRACTION,
+    POINTS,
+    RECOVERY_FACTOR,
+    Predictor,
+    judge,
+)
 from contbranch.continuation.walk import adapted, annotated, examined, to_point, unit_tangent
 from contbranch.errors import InputError
 from contbranch.watch import INTERRUPTIONS, LATE, Interruption, Watch, caught, watched
@@ -133,7 +141,7 @@ class _Direction:
         self.branch = Branch([], [], End(Outcome.MAXIMUM_POINTS))
         self.balance = balance.sized(size_of(start.problem, start.x), start.parameter)
         self.metric = self.balance.metric(options.weight, options.state_floor)
-        self.recent, self.count = [start], 1
+        self.recent, self.count, self.reach = [start], 1, math.inf
         self.escape = Escape(interval, options.edge_tolerance)
         self.step = options.first_step * self.metric.norm(start.problem, start.tangent_x, start.tangent_parameter)
 
@@ -167,7 +175,7 @@ class _Direction:
         Once, where it leads to what the discretisation does not resolve, it is taken again on one made for that.
         """
         predictor, options, step = self._predictor(), self.options, self.step
-        growth, foresee = options.growth, True
+        growth, foresee, missed = options.growth, True, 0.0
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while True:
             here, metric = predictor.here, predictor.metric
@@ -183,27 +191,51 @@ class _Direction:
             try:
                 corrected = correct(here.problem, near, predictor.row, metric, options)
                 end = to_point(here.problem, corrected, metric, options.detect_branch_points)
-                accepted, factor = judge(here, end, metric, options)
-                longest, self.count = predictor.longest(step, predictor.constants(step, foretold, end), growth)
-                if accepted:
+                judgement = judge(here, end, corrected, metric, options)
+                constants = predictor.constants(step, foretold, end)
+                before = (
+                    FAILED_ERROR_SHARE * predictor.error(missed, constants, self.count)
+                    if missed
+                    else RECOVERY_FACTOR * self.reach
+                )
+                told = corrected.contraction  # nothing, where Newton's method had next to nothing to do
+                self.reach = min(before, corrected.first_correction * FORETOLD_CONTRACTION / told if told else math.inf)
+                longest, self.count = predictor.longest(step, constants, growth, self.reach)
+                if judgement.accepted:
                     segment, happenings, stop = self._look_inside(
                         Segment(here, examined(end), metric), corrected.bordered
                     )
-                    return _Step(segment, happenings, stop, min(factor, longest, growth))
-                step *= factor
+                    return _Step(segment, happenings, stop, min(judgement.factor, longest, growth))
+                step *= judgement.factor
             except CorrectionError as error:
                 if foresee and end is not None and isinstance(error.__cause__, UnresolvedError):
                     foresee = False
-                    if not self._adapt(end):
+                    if not self._prepared(end):
                         step *= AFTER_FAILURE
                     predictor = self._predictor()
                     continue
-                failure = error
+                failure, missed = error, step
                 step *= AFTER_FAILURE
             except LeapError:
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
                 step *= AFTER_FAILURE
             growth = 1.0  # what has failed once is not tried again at once
+
+    def _prepared(self, ahead: Point) -> bool:
+        """Whether the last points were carried to a discretisation made for what lies ahead."""
+        begin = self.recent[-1]
+        try:
+            here, carry = adapted(begin, self.metric, self.options, ahead)
+        except CorrectionError:
+            return False
+        if here is begin:
+            return False
+        if self.branch.points:
+            self.branch.points[-1] = here
+        else:
+            self.branch = replace(self.branch, start=here)
+        self._carry(carry, here, self.recent[:-1])
+        return True
 
     def _go_on_from(self, taken: _Step) -> None:
         """Measure lengths anew behind a step, and carry its end to the discretisation that its problem prefers."""
@@ -215,35 +247,23 @@ class _Direction:
             options.weight, max(options.state_floor, end.problem.negligible(end.x, end.parameter))
         )
         self.step = taken.factor * self.metric.norm(begin.problem, dx, dp)
-        self.recent = [*self.recent, end][-POINTS:]
-        self._adapt()
-
-    def _adapt(self, ahead: Point | None = None) -> bool:
-        """Carry the last points to the discretisation that the problem prefers for the last one, or for one ahead.
-
-        Returns
-        -------
-        bool
-            Whether it offers another one than the present.
-        """
-        *before, here = self.recent
         try:
-            there, carry = adapted(here, self.metric, self.options, ahead)
+            here, carry = adapted(end, self.metric, options)
         except CorrectionError as error:
-            if ahead is None and not isinstance(error.__cause__, UnresolvedError):
+            if not isinstance(error.__cause__, UnresolvedError):
                 raise
-            return False  # a discretisation that shows less than the present one
-        if there is here:
-            return False
-        if self.branch.points:
-            self.branch.points[-1] = there
+            here = end  # a discretisation that shows less than the present one
+        if here is end:
+            self.recent = [*self.recent, here][-POINTS:]
         else:
-            self.branch = replace(self.branch, start=there)
+            self.branch.points[-1] = here
+            self._carry(carry, here, self.recent)
+
+    def _carry(self, carry: Callable[[Point], Point] | None, here: Point, before: Sequence[Point]) -> None:
         try:
-            self.recent = [*(map(carry, before) if carry else ()), there]
+            self.recent = [*(map(carry, before) if carry else ()), here][-POINTS:]
         except CorrectionError:  # earlier points may not have what the new discretisation follows
-            self.recent = [there]
-        return True
+            self.recent = [here]
 
     def _look_inside(self, segment: Segment, ahead: Bordered) -> tuple[Segment, list[Happening], End | None]:
         """Cut a step where the curve ends, and return what happens in it.

@@ -3,31 +3,43 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from contbranch.continuation.bordered import Bordered, SingularBorderedError, UnsolvedError, as_matrix, factorise
+from contbranch.continuation.bordered import (
+    Bordered,
+    SingularBorderedError,
+    SparseBordered,
+    UnsolvedError,
+    as_matrix,
+    factorise,
+)
 from contbranch.continuation.curve import Outcome
 from contbranch.continuation.metric import ROUNDING, Metric
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction, Linearisation, Problem, size_of
 from contbranch.watch import check
 
-# Largest last correction (in the metric) behind which the matrix before it still serves: for the tangent of a step; for
-# the sign of its determinant, which changes by many times as much where a symmetry is about to be lost; and for a
-# tangent as accurate as its point.
-TANGENT_DISTANCE, SIGN_DISTANCE, PRECISE_DISTANCE = 1e-4, 1e-7, 1e-10
-# Corrections below this (in the metric) may grow: what is stiff in a prediction makes the first one small and the
-# second, of what is soft, larger; the third is their square. A matrix farther from a point does not serve for it.
+# Largest last correction (in the metric) behind which the Jacobian before it serves for the tangent.
+TANGENT_DISTANCE = 1e-4
+PRECISE_TANGENT_DISTANCE = 1e-10
+# Corrections below this (in the metric) may grow once, and tell nothing of how long a step may be: what is stiff in a
+# prediction makes the first one small and the second, of what is soft, larger; the third is their square.
 SMALL_CORRECTION = 1e-3
-# A correction that is larger than this share of the one before does not contract as Newton's do.
+# A correction that is no smaller than this share of the one before does not contract as Newton's do.
 STALL_RATIO = 0.1
-# Most corrections of a predicted point or a tangent, and of a start.
-CORRECTIONS, START_CORRECTIONS = 10, 50
+# Where a product with the Jacobian costs little beside its factorisation, the one of a small correction serves for the
+# next ones as long as they contract by STALL_RATIO, in steps from this size of the system on.
+KEPT_FROM_SIZE = 150
+# What a kept matrix leaves of a residual would count as a discretisation's error: steps aim at this much less.
+KEPT_SHARE = 1e-2
+# Last correction above which the matrix before it does not tell the sign of the determinant behind it: what is soft in
+# other directions than that of the correction, as where a symmetry is about to be lost, changes by many times as much.
+SIGN_DISTANCE = 1e-7
+# Most corrections of a predicted point, of a start, and of a tangent.
+CORRECTIONS, START_CORRECTIONS, TANGENT_CORRECTIONS = 10, 50, 8
 # A start is a solution if no component of its residual is larger than this multiple of rounding, ...
 START_ROUNDINGS = 4.0
 # ... if Newton's correction is below this share of it, or if rounding hides how to lower the residual and the
@@ -50,9 +62,9 @@ class CorrectionError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """A point on the curve with its tangent (not yet of unit length) and the bordered matrix next to it.
+    """A point on the curve with its tangent (not yet of unit length), and what Newton's method said on the way.
 
-    Hidden is a point on whose place rounding of the residual leaves Newton's corrections no say.
+    The uncertainty is a length: Newton's last correction, where the residual is at rounding and it tells nothing.
     """
 
     x: Array
@@ -60,17 +72,24 @@ class Corrected:
     tangent_x: Array
     tangent_parameter: float
     bordered: Bordered
-    hidden: bool = False
+    first_correction: float
+    contraction: float
+    uncertainty: float = 0.0
 
 
-@contextmanager
-def evaluating(p: float, where: str = "") -> Iterator[None]:
+class evaluating:  # a context, like suppress
     """Turn whatever the user's code raises into a CorrectionError, which ends the attempt and keeps its text."""
-    try:
-        yield
-    except Exception as error:
-        detail = f"({type(error).__name__}{where} at parameter {p:.6g}: {error})"
-        raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
+
+    def __init__(self, p: float, where: str = "") -> None:
+        self.p, self.where = p, where
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
+        if isinstance(error, Exception):
+            detail = f"({type(error).__name__}{self.where} at parameter {self.p:.6g}: {error})"
+            raise CorrectionError(Outcome.EVALUATION_FAILED, detail) from error
 
 
 def linearise(problem: Problem, x: Array, p: float) -> Linearisation:
@@ -136,7 +155,7 @@ def correct(
     Parameters
     ----------
     bordered : Bordered, optional
-        The matrix of a point close by, with the same row: it serves where the problem has a `product` of its own.
+        The matrix of a point close by, with the same row: it is kept where matrices are, see `STALL_RATIO`.
 
     Raises
     ------
@@ -146,67 +165,91 @@ def correct(
     x, p = near
     own = problem.in_plane(x, p, row, precise)
     if own is not None:
-        return Corrected(*own, Bordered())
+        return Corrected(*own, Bordered(), 0.0, 0.0)
     rounding = 16 * ROUNDING * (size_of(problem, x) / metric.state_scale + abs(p) / metric.parameter_scale)
     tolerance = max(options.tolerance, rounding)
-    signed = options.detect_branch_points and not precise
-    close = max(PRECISE_DISTANCE if precise else SIGN_DISTANCE if signed else TANGENT_DISTANCE, rounding)
-    previous = height = math.inf
-    # Where products with the Jacobian cost little beside its factorisation, that of a small correction serves for the
-    # next ones as long as they contract by `STALL_RATIO`; the sign of a determinant needs the point's own.
-    keeps = type(problem).product is not Problem.product and not signed
+    close = max(PRECISE_TANGENT_DISTANCE if precise else TANGENT_DISTANCE, rounding)
+    first = previous = height = highest = math.inf
+    contraction = worst = 0.0
+    slow = False
+    keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
     kept = keeps and bordered is not None
+    share = 1.0 if precise else KEPT_SHARE
+    trusted = 1.0  # contraction from which on a matrix is kept
+    at: Linearisation | None = None
     for iteration in range(1, CORRECTIONS + 1):
         if kept and bordered is not None:
             left = residual(problem, x, p)
         else:
             at = linearise(problem, x, p)
             left, bordered = at.residual, border(problem, x, p, at, row)
+            keeps = (precise or x.size >= KEPT_FROM_SIZE) and _multiplies(problem, bordered)
         dx, dp = solve(bordered, -left, 0.0, p)
         size = metric.norm(problem, dx, dp)
-        contraction = size / previous
-        stalls = contraction > STALL_RATIO
-        if kept and size > max(min(previous, SMALL_CORRECTION), tolerance):  # not taken: it leads away
-            kept = False
+        grows = iteration == 2 and tolerance < size < SMALL_CORRECTION  # if at all: what is soft
+        stalls = iteration > 1 and size > STALL_RATIO * previous
+        rests = stalls and size > tolerance and float(np.abs(left).max()) > 0.5 * height  # the residual, too
+        rounded = rests and is_rounding(left, at or linearise(problem, x, p), x, p, Options.noise)
+        if kept and size > max(min(previous, SMALL_CORRECTION), tolerance) and not (grows or rounded):
+            kept, trusted = False, STALL_RATIO  # not taken: it leads away, or from too far
             continue
-        height, highest = float(np.abs(left).max()), height
-        rests = stalls and not kept and size > tolerance and height > 0.5 * highest  # the residual, too
-        rounded = rests and is_rounding(left, at, x, p, Options.noise)
         if not rounded:
             x, p = x + dx, p + dp
+        height, highest = float(np.abs(left).max()), height
         if iteration == 1:
+            first = size
             done = size <= max(tolerance, close * (precise and not kept))  # the next one is about its square
         else:
-            left_over = contraction * size if kept else contraction**2 * size
-            done = rounded or (left_over <= tolerance and (kept or size <= close))
+            contraction = size / previous if previous > 0 else 0.0
+            # The next correction, by the matrix kept or by its own.
+            left_over = contraction * size / share if kept else contraction**2 * size
+            done = rounded or ((kept or size <= close) and left_over <= tolerance)
             done |= stalls and not kept and size <= options.noise * rounding
-            failed = contraction > 0.5 and size > SMALL_CORRECTION and iteration > options.patience + 1
-            if not done and (failed or not math.isfinite(size)):
+            # Where the matrix is soft, corrections are rounding while the residual falls as it should.
+            again, slow = slow or size > SMALL_CORRECTION, contraction > 0.5 and not kept and height > 0.5 * highest
+            if not done and ((slow and again and iteration > options.patience) or not math.isfinite(size)):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(Newton's corrections contract by {contraction:.2g}.)")
+            if size > SMALL_CORRECTION:
+                worst = max(worst, contraction)
         if done:
-            if kept or (precise and size > tolerance):
-                u, a = _tangent(problem, (x, p), row, bordered, (metric, close))
-            else:
-                u, a = solve(bordered, np.zeros_like(x), 1.0, p)
+            if problem.delicate:
+                dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
+                if metric.norm(problem, dx, dp) <= max(size, tolerance):  # otherwise it leads away
+                    x, p = x + dx, p + dp
+            if options.detect_branch_points and not precise and (kept or size > SIGN_DISTANCE):
+                at = linearise(problem, x, p)
+                bordered, kept = border(problem, x, p, at, row), False
+            u, a = solve(bordered, np.zeros_like(x), 1.0, p)
+            if kept or problem.delicate or (precise and size > tolerance):
+                u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
             problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
-            return Corrected(x, p, u, a, bordered, rounded)
+            return Corrected(x, p, u, a, bordered, first, worst, size if rounded else 0.0)
         previous = size
-        kept = keeps and size < SMALL_CORRECTION and not (kept and stalls)
+        kept = keeps and size < SMALL_CORRECTION and (grows or contraction < (STALL_RATIO if kept else trusted))
     raise CorrectionError(Outcome.STEP_TOO_SMALL, f"(The last correction was {previous:.2g} of the step's scale.)")
 
 
-def _tangent(
-    problem: Problem, at: Direction, row: Direction, bordered: Bordered, close: tuple[Metric, float]
-) -> Direction:
-    """Return the tangent at a point, from a matrix factorised next to it and products at the point itself.
+def _multiplies(problem: Problem, bordered: Bordered | None) -> bool:
+    """Whether a product with the Jacobian costs little beside its factorisation."""
+    return type(problem).product is not Problem.product or isinstance(bordered, SparseBordered)
 
-    It is refined until a change is below a share of it, `close`: the next is as much smaller again.
+
+def _refined(
+    problem: Problem,
+    row: Direction,
+    bordered: Bordered,
+    at: tuple[Array, float, Array, float],
+    fine: tuple[Metric, float],
+) -> Direction:
+    """The tangent at a point, from a matrix factorised next to it and products at the point itself.
+
+    Until a change is below a share of it: the next is as much smaller again.
     """
-    (x, p), (metric, share) = at, close
-    u, a = solve(bordered, np.zeros_like(x), 1.0, p)
+    x, p, u, a = at
+    metric, share = fine
     with evaluating(p):
         product, slope = problem.product(x, p), problem.parameter_derivative(x, p)
-    for _ in range(CORRECTIONS):
+    for _ in range(TANGENT_CORRECTIONS):
         du, da = solve(bordered, -product(u) - a * slope, 1.0 - float(row[0] @ u) - row[1] * a, p)
         u, a = u + du, a + da
         if metric.norm(problem, du, da) <= share * metric.norm(problem, u, a):

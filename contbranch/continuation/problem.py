@@ -82,9 +82,12 @@ class Problem(ABC):
     ordered : bool
         Whether the parameter changes one way along the curve, and so is a coordinate on it: a step that turns it is
         repeated shorter.
+    delicate : bool
+        Whether rounding in factorised matrices spoils every point, so that all are refined by `product`.
     """
 
     ordered: bool = False
+    delicate: bool = False
 
     @abstractmethod
     def residual(self, x: Array, p: float) -> Array:
@@ -125,10 +128,11 @@ class Problem(ABC):
     def product(self, x: Array, p: float) -> Callable[[Array], Array]:
         """Return what multiplies a vector by dF/dx at little cost, and with as small rounding errors as that allows.
 
-        Where a problem has its own, accurate points and tangents need no factorisation of their own: the one of a point
-        next to them serves. Default: the Jacobian.
+        With it, or with a sparse Jacobian, accurate points and tangents need no factorisation of their own: the one of
+        a point next to them serves, see `delicate`. Default: the Jacobian.
         """
-        jacobian = self.linearise(x, p).jacobian
+        together = type(self).jacobian is Problem.jacobian and type(self).linearise is not Problem.linearise
+        jacobian = self.linearise(x, p).jacobian if together else self.jacobian(x, p)
         return lambda vector: jacobian @ vector
 
     def second_derivative(self, x: Array, p: float, u: Array, a: float) -> Array | None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from contbranch.continuation.curve import Point
 from contbranch.continuation.metric import Metric
+from contbranch.continuation.newton import Corrected
 from contbranch.continuation.options import Options
 from contbranch.continuation.problem import Array, Direction
 
@@ -124,7 +126,14 @@ class Predictor:
             found.append(error / math.prod((s - place) ** 2 for place in self.places[:count]))
         return found
 
-    def longest(self, s: float, constants: Sequence[float], growth: float) -> tuple[float, int]:
+    def error(self, s: float, constants: Sequence[float], count: int) -> float:
+        """Return the error of what `count` points foretell for the place s."""
+        count = min(count, len(constants))
+        return constants[count - 1] * math.prod((s - place) ** 2 for place in self.places[:count])
+
+    def longest(
+        self, s: float, constants: Sequence[float], growth: float, largest: float = math.inf
+    ) -> tuple[float, int]:
         """Return the factor from a step s to the next, and the number of points to foretell that from.
 
         Parameters
@@ -133,27 +142,43 @@ class Predictor:
             What the step has told, see `constants`.
         growth : float
             Largest factor.
+        largest : float
+            Error of a prediction from which Newton's method still converges well.
         """
         best = (0.0, 1)
         for count, constant in enumerate(constants, start=1):
             places = [0.0, *(place - s for place in self.places)][:count]
             factor = growth
-            while factor > SHORTEST and (
-                constant * math.prod((factor * s - b) ** 2 for b in places) > PREDICTION_ERROR_SHARE * factor * s
+            while factor > SHORTEST and constant * math.prod((factor * s - b) ** 2 for b in places) > min(
+                PREDICTION_ERROR_SHARE * factor * s, largest
             ):
                 factor *= 0.9
             best = max(best, (factor, count))
         return best
 
 
+# ... and at most what the one of a step foretells, which is proportional to the error of the prediction.
+FORETOLD_CONTRACTION = 0.3
+# Newton's contraction that the step control aims at: a few digits more with every iteration (P. Deuflhard, Newton
+# Methods for Nonlinear Problems, Springer 2011, sec. 5.1, aims at 1/4 to 1/8).
+CONTRACTION = 0.1
 # A failed step says nothing about how much too long it was.
 AFTER_FAILURE = 0.5
+# Share of the error of a prediction at which Newton's method has failed that the next ones aim at, and the factor by
+# which that grows from step to step.
+FAILED_ERROR_SHARE, RECOVERY_FACTOR = 0.5, 1.3
 
 
-def judge(begin: Point, end: Point, metric: Metric, options: Options) -> tuple[bool, float]:
-    """Return whether a step is accepted, and the factor from its length to that of the next attempt.
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Whether a step is accepted, and the factor from its length to that of the next attempt."""
 
-    It is judged by true tangents.
+    accepted: bool
+    factor: float
+
+
+def judge(begin: Point, end: Point, corrected: Corrected, metric: Metric, options: Options) -> Judgement:
+    """Judge a step by true tangents and by the contraction of Newton's method.
 
     The angle between the tangents at both ends, and the angles between either of them and the chord, must stay below
     the limit: the first guards against steps round a fold, the others against a step that leaps onto another part
@@ -163,7 +188,7 @@ def judge(begin: Point, end: Point, metric: Metric, options: Options) -> tuple[b
     chord = end.x - begin.x, end.parameter - begin.parameter
     leaving, arriving = ((point.tangent_x, point.tangent_parameter) for point in (begin, end))
     if metric.norm(problem, *chord) == 0.0 or (problem.ordered and leaving[1] * arriving[1] < 0.0):
-        return False, AFTER_FAILURE
+        return Judgement(False, AFTER_FAILURE)
     chord = metric.unit(problem, *chord)
     angle = metric.angle(problem, *leaving, *arriving)
     leave, arrive = (metric.angle(problem, *tangent, *chord) for tangent in (leaving, arriving))
@@ -171,5 +196,7 @@ def judge(begin: Point, end: Point, metric: Metric, options: Options) -> tuple[b
     worst = max(angle, 2 * leave, 2 * arrive)
     factor = options.angle / worst if worst > 0 else math.inf
     if worst > options.angle_limit:
-        return False, min(max(0.8 * factor, 0.1), 0.7)
-    return True, min(max(factor, SHORTEST), options.growth)
+        return Judgement(False, min(max(0.8 * factor, 0.1), 0.7))
+    if corrected.contraction > CONTRACTION:
+        factor = min(factor, math.sqrt(CONTRACTION / corrected.contraction))
+    return Judgement(True, min(max(factor, 0.2), options.growth))

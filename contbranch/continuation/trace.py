@@ -32,6 +32,9 @@ from contbranch.continuation.problem import Array, Direction, Problem, size_of
 from contbranch.continuation.walk import annotated
 from contbranch.errors import InputError
 
+# How often the scales of a start next to a fold are improved.
+BENDS = 10
+
 
 def trace_curve(
     f: Problem | Function,
@@ -169,14 +172,26 @@ def _bending(
     problem: Problem, x: Array, p: float, along: Direction, bordered: Bordered, balance: Balance, width: float
 ) -> Balance:
     """Return scales of a start next to a fold, where the parameter changes by curvature s²/2 with the state by s."""
-    try:
-        d = second_derivative(problem, x, p, along, Metric(balance.state, width), residual(problem, x, p))
-        curvature = abs(solve(bordered, -d, 0.0, p)[1])
-    except CorrectionError:
-        return balance
-    state = math.sqrt(2 * width / curvature) if curvature else math.inf
+    here, scale, found = residual(problem, x, p), balance.state, balance
     straight = width / along[1] if along[1] > 0 else math.inf
-    return Balance(state, width) if 0 < state < 0.1 * straight else balance
+    for _ in range(BENDS):
+        try:
+            d = second_derivative(problem, x, p, along, Metric(scale, width), here)
+            bend = abs(solve(bordered, -d, 0.0, p)[1])
+        except CorrectionError:
+            scale *= 1e-3
+            continue
+        if bend == 0.0:
+            scale *= 1e3
+            continue
+        state = math.sqrt(2 * width / bend)
+        if not 0 < state < 0.1 * straight:
+            return balance
+        found = Balance(state, width)
+        if 0.5 < found.state / scale < 2:
+            break
+        scale = state
+    return found
 
 
 def _ways(start: Point, balance: Balance, interval: Range, direction: str, course: Course) -> tuple[Branch, Branch]:

@@ -6,12 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from contbranch.continuation.bordered import Bordered
 from contbranch.continuation.curve import Outcome, Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import Corrected, CorrectionError, correct, evaluating, tangent_at
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Adaptation, Direction, Problem
+from contbranch.continuation.problem import Adaptation, Array, Direction, Problem, size_of
 from contbranch.continuation.segment import Segment
 
 
@@ -30,10 +32,19 @@ def annotated(point: Point, label: str | None = None) -> Point:
     CorrectionError
         If the problem fails at them.
     """
-    problem, x, p = point.problem, point.x, point.parameter
-    with evaluating(p):
-        index, observables = problem.morse_index(x, p), problem.observables(x, p)
-    return replace(point, morse_index=index, observables=observables, label=point.label if label is None else label)
+    problem = point.problem
+    kind = type(problem)
+    asks_index = kind.morse_index is not Problem.morse_index
+    asks_observables = kind.observables is not Problem.observables
+    if not (asks_index or asks_observables or label is not None):
+        return point
+    with evaluating(point.parameter):
+        return replace(
+            point,
+            morse_index=problem.morse_index(point.x, point.parameter) if asks_index else None,
+            observables=problem.observables(point.x, point.parameter) if asks_observables else {},
+            label=point.label if label is None else label,
+        )
 
 
 def examined(point: Point, label: str | None = None) -> Point:
@@ -50,30 +61,26 @@ def examined(point: Point, label: str | None = None) -> Point:
 
 
 def corrected_point(
-    problem: Problem,
-    near: Direction,
-    along: Direction,
-    metric: Metric,
-    options: Options,
-    kept: Bordered | None = None,
-    precise: bool = True,
+    problem: Problem, near: Direction, along: Direction, metric: Metric, options: Options, kept: Bordered | None = None
 ) -> tuple[Point, Bordered]:
-    """Correct (x, p) in the plane normal to a direction; return the point and its bordered matrix.
+    """Correct (x, p) precisely in the plane normal to a direction; return the point and its bordered matrix.
 
     The matrix kept of another point in a plane normal to the same direction saves one where it serves, see `correct`.
     """
-    corrected = correct(problem, near, _normal(problem, along, metric), metric, options, precise, kept)
+    corrected = correct(problem, near, _normal(problem, along, metric), metric, options, True, kept)
     return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
 
 def point_on(segment: Segment, theta: float, options: Options, precise: bool = True) -> tuple[Point, Bordered]:
     """Return the point of the curve at the fraction θ of a segment, and its bordered matrix."""
-    near, along = segment.at(theta), segment.direction(theta)
-    return corrected_point(segment.begin.problem, near, along, segment.metric, options, precise=precise)
+    problem, metric = segment.begin.problem, segment.metric
+    row = _normal(problem, segment.direction(theta), metric)
+    corrected = correct(problem, segment.at(theta), row, metric, options, precise)
+    return to_point(problem, corrected, metric, sign=False), corrected.bordered
 
 
 def _normal(problem: Problem, direction: Direction, metric: Metric) -> Direction:
-    """Return the border of the plane normal to a direction; CorrectionError if that has no length."""
+    """The border of the plane normal to a direction; CorrectionError if that has no length."""
     size = metric.norm(problem, *direction)
     if not (size > 0 and math.isfinite(size)):
         raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The step has no length.)")
@@ -88,7 +95,7 @@ class Across:
     """Points of the curve next to a segment, in planes normal to its direction at one fraction θ.
 
     They share a bordered matrix as far as it serves. Next to a branch point it is all but singular and rounding hides
-    the curve: a point there is interpolated between points a little way off.
+    the curve: a point there is interpolated between points a little way off, if they are known better.
     """
 
     def __init__(self, segment: Segment, theta: float, options: Options) -> None:
@@ -98,19 +105,29 @@ class Across:
 
     def at(self, theta: float) -> Point:
         """The point at the fraction θ of the segment."""
-        point, hidden = self._corrected(theta)
-        if not (hidden and self.options.detect_branch_points):
+        failure: CorrectionError | None = None
+        metric, uncertainty = self.segment.metric, math.inf
+        try:
+            point, uncertainty = self._corrected(theta)
+        except CorrectionError as error:
+            failure = error
+        if uncertainty == 0.0 or not self.options.detect_branch_points:
+            if failure is not None:
+                raise failure
             return point
-        (begin, _), (end, _) = (self._corrected(theta + by) for by in (-STAND_IN_SHARE, STAND_IN_SHARE))
-        around = Segment(begin, end, self.segment.metric)
-        return Point(begin.problem, *around.at(0.5), *around.metric.unit(begin.problem, *around.direction(0.5)))
+        (begin, before), (end, behind) = (self._corrected(theta + by) for by in (-STAND_IN_SHARE, STAND_IN_SHARE))
+        if max(before, behind) > uncertainty:
+            return point
+        around = Segment(begin, end, metric)
+        return Point(begin.problem, *around.at(0.5), *metric.unit(begin.problem, *around.direction(0.5)))
 
-    def _corrected(self, theta: float) -> tuple[Point, bool]:
-        """The point, and whether rounding hides its place."""
-        segment, problem = self.segment, self.segment.begin.problem
-        corrected = correct(problem, segment.at(theta), self.row, segment.metric, self.options, True, self.bordered)
+    def _corrected(self, theta: float) -> tuple[Point, float]:
+        """The point, and its uncertainty where rounding hides it."""
+        segment = self.segment
+        problem, metric = segment.begin.problem, segment.metric
+        corrected = correct(problem, segment.at(theta), self.row, metric, self.options, True, self.bordered)
         self.bordered = corrected.bordered
-        return to_point(problem, corrected, segment.metric, sign=False), corrected.hidden
+        return to_point(problem, corrected, metric, sign=False), corrected.uncertainty
 
 
 # Below this parameter component (in the metric) the sign of dp/ds does not orient a tangent reliably.
@@ -132,30 +149,36 @@ def adapted(
     CorrectionError
         If the point cannot be corrected there.
     """
-    problem, p = point.problem, point.parameter
-    with evaluating(p, " in adapt"):
-        offer = problem.adapt(point.x, p) if ahead is None else problem.adapt(ahead.x, ahead.parameter)
+    problem = point.problem
+    if type(problem).adapt is Problem.adapt:
+        return point, None
+    at = ahead or point
+    with evaluating(at.parameter, " in adapt"):
+        offer = problem.adapt(at.x, at.parameter)
     if offer is None:
         return point, None
     if not isinstance(offer, Adaptation):
         offer = Adaptation(problem, offer)
-    carry, x = _carry(offer), offer.x
-    if ahead is not None and (carry is None or offer.moved is not None):  # may not suit the state here
-        return point, None
-    steepness, least = point.tangent_parameter, NEARLY_VERTICAL * metric.parameter_scale
-    if carry is not None:
-        carried = carry(point)
-        u, a, x = carried.tangent_x, carried.tangent_parameter, carried.x if ahead is not None else x
-    elif abs(steepness) < least:  # nothing tells which way the curve goes on there: it is asked again behind the fold
-        return point, None
-    else:
-        u, a, _ = tangent_at(offer.problem, x, p)
-        u, a = math.copysign(1.0, a * steepness) * u, math.copysign(a, steepness)
-    row = metric.row(offer.problem, *metric.unit(offer.problem, u, a))
-    found = to_point(offer.problem, correct(offer.problem, (x, p), row, metric, options), metric)
-    # A tangent that was not resolved may point backwards, but not where the parameter tells the way.
-    told = problem.ordered or min(abs(steepness), abs(found.tangent_parameter)) > least
-    if told and steepness * found.tangent_parameter < 0.0:
+    carry = _carry(offer)
+    if ahead is not None:
+        if carry is None or offer.moved is not None:  # what the state ahead asks for may not suit this one
+            return point, None
+        there = carry(point)
+        upright = abs(point.tangent_parameter) > NEARLY_VERTICAL * metric.parameter_scale
+        along = (np.zeros_like(there.x), 1.0) if upright else (there.tangent_x, there.tangent_parameter)
+        row = metric.row(offer.problem, *along)
+        corrected = correct(offer.problem, (there.x, point.parameter), row, metric, options)
+        there = replace(there, x=corrected.x, parameter=point.parameter if upright else corrected.parameter)
+        return examined(there, label=point.label), carry
+    row = metric.row(offer.problem, *metric.unit(offer.problem, *_direction(point, offer, metric)))
+    corrected = correct(offer.problem, (offer.x, point.parameter), row, metric, options)
+    found = to_point(offer.problem, corrected, metric)
+    before, after = point.tangent_parameter, found.tangent_parameter
+    if problem.ordered or min(abs(before), abs(after)) > NEARLY_VERTICAL * metric.parameter_scale:
+        turned = before * after < 0.0
+    else:  # the state's own rate may not have been resolved, and less so as the discretisation moves through it
+        turned = offer.moved is not None and _agreement(point, offer, found.tangent_x, after) < 0.0
+    if turned:
         found = found.turned()
     return examined(found, label=point.label), carry
 
@@ -167,14 +190,52 @@ def _carry(offer: Adaptation) -> Callable[[Point], Point] | None:
         return None
 
     def carry(point: Point) -> Point:
-        with evaluating(point.parameter, " in adapt"):
-            if moved is not None:
+        if moved is not None:
+            with evaluating(point.parameter, " in adapt"):
                 x, tangent = moved(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-            elif transfer is not None:
-                x, tangent = transfer(point.x), transfer(point.tangent_x)
+        elif transfer is not None:
+            x, tangent = transfer(point.x), transfer(point.tangent_x)
         return replace(point, problem=offer.problem, x=x, tangent_x=tangent)
 
     return carry
+
+
+def _direction(point: Point, offer: Adaptation, metric: Metric) -> Direction:
+    """Return the old tangent on the new discretisation, or a new tangent oriented like the old one."""
+    if offer.moved is not None:
+        with evaluating(point.parameter, " in adapt"):
+            moved = offer.moved(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        return moved[1], point.tangent_parameter
+    if offer.transfer is not None:
+        return offer.transfer(point.tangent_x), point.tangent_parameter
+    if offer.x.shape == point.x.shape:
+        return point.tangent_x, point.tangent_parameter
+    u, a = metric.unit(offer.problem, *tangent_at(offer.problem, offer.x, point.parameter)[:2])
+    old = point.tangent_parameter
+    if abs(old) > NEARLY_VERTICAL * metric.parameter_scale:
+        same = (a > 0) == (old > 0)
+    else:
+        same = _agreement(point, offer, u, a) >= 0
+    return (u, a) if same else (-u, -a)
+
+
+def _agreement(point: Point, offer: Adaptation, u: Array, a: float) -> float:
+    """Return how well two tangents agree, by the changes of the observables along them (and of the parameter)."""
+    with evaluating(point.parameter, " in adapt"):
+        before = _changes(point.problem, point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        after = _changes(offer.problem, offer.x, point.parameter, u, a)
+    return sum(before[name] * after[name] for name in before if name in after)
+
+
+def _changes(problem: Problem, x: Array, p: float, u: Array, a: float) -> dict[str, float]:
+    """Return the directional derivatives of the observables, scaled to values of order one, and of the parameter."""
+    size = math.sqrt(problem.inner(u, u) + a * a)
+    step = 1e-6 * max(1.0, size_of(problem, x)) / size
+    above, below = problem.observables(x + step * u, p + step * a), problem.observables(x - step * u, p - step * a)
+    changes = {name: (above[name] - below[name]) / (2 * step) for name in above}
+    largest = max((abs(change) for change in changes.values()), default=0.0)
+    scaled = {name: change / largest for name, change in changes.items()} if largest > 0 else {}
+    return {"": a / size, **scaled}
 
 
 def unit_tangent(point: Point, metric: Metric) -> Point:

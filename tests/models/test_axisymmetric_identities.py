@@ -76,8 +76,8 @@ def test_energy_is_the_work_of_the_load_along_the_branch(traced):
             slope = -np.linalg.solve(problem.jacobian(x, u), problem.parameter_derivative(x, u))
             _, rate = problem.rates(x, u, slope, 1.0)[:2]
             work += width * parts(problem, x, u)[1] * rate
-        scale = work_scale(curve.load[k + 1], curve.displacement[k + 1])
-        worst.append(abs(curve.energy[k + 1] - curve.energy[k] - work) / scale)
+        scale = work_scale(curve.branch.load[k + 1], curve.branch.displacement[k + 1])
+        worst.append(abs(curve.branch.energy[k + 1] - curve.branch.energy[k] - work) / scale)
     assert len(worst) > 8
     assert max(worst) < 100 * TOLERANCE
 

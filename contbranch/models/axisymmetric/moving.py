@@ -99,6 +99,7 @@ class MovingContact(EquilibriumProblem):
         self._carried = velocities(self.creases, front.resting, mesh) if front and self.creases else None
         self._placed: list[tuple[Array, Equations]] = []
         self.film = front if front and front.film and equations.softens else None
+        self.delicate = self.film is not None
         self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._corrected: tuple[Array, Solver] | None = None

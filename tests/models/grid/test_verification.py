@@ -113,7 +113,7 @@ def test_a_parabola_keeps_its_symmetry(parabola):
 
 def test_without_modes_none_are_examined():
     curve = Traced(ROUND, cb.FreeSpace(EDGE, 32), Request(1e-5, modes=0)).curve
-    assert curve.unstable_azimuthal is None
+    assert curve.branch.unstable_azimuthal is None
     assert curve.cost.stability_pairs > 0
 
 
@@ -122,7 +122,7 @@ def test_a_convex_energy_is_not_examined():
     contact = cb.Contact(cb.Parabola(1.0), cb.Exponential(-1.0, 1.0))
     curve = Traced(contact, cb.FreeSpace(2.0 * EDGE, 32), Request(1e-5)).curve
     assert curve.cost.stability_pairs == 0
-    assert not curve.unstable_azimuthal.any()
+    assert not curve.branch.unstable_azimuthal.any()
 
 
 def test_a_fold_that_is_missing_contradicts(parabola):
@@ -185,23 +185,24 @@ def test_the_branch_of_the_first_mode_is_followed(flat, branch):
         excess = np.where(state.contact, np.minimum(state.fields.excess, 0.0), state.fields.excess)
         assert np.linalg.norm(excess) <= 1e-6 * np.linalg.norm(state.fields.elastic)
         assert np.abs(state.u - mirrored(problem.setup.lattice, state.u, ("even", "odd"))).max() < 1e-4
-    assert (np.diff(curve.load) < 0).all()
+    assert (np.diff(curve.branch.load) < 0).all()
 
 
 def test_the_branch_inherits_what_the_curve_loses(flat, branch):
     """Before the event one axisymmetric mode is unstable and no other; so it is on the branch, close to it."""
     _, curve = branch
     assert flat.indices.rows(DISPLACEMENT)[before_touch(flat)[0].row + 1] == 1
-    assert curve.unstable_displacement[1] == 1
-    assert curve.unstable_azimuthal[1] == 0
+    assert curve.branch.unstable_displacement[1] == 1
+    assert curve.branch.unstable_azimuthal[1] == 0
 
 
 def test_refinement_keeps_the_branch(branch):
     """At twice the spacing: asymmetry and displacement at the same loads; in contact so few nodes need no curve."""
     with pytest.warns(GridWarning, match="at least 96"):
         coarse_flat = Traced(FLAT, cb.FreeSpace(RING, 32, averaging=False), Request(1e-6, target=17.0))
-    coarse, rows = first_branch(coarse_flat, 6, Request(1e-6, modes=0))
-    fine, fine_rows = branch
+    coarse, coarse_curve = first_branch(coarse_flat, 6, Request(1e-6, modes=0))
+    fine, fine_curve = branch
+    rows, fine_rows = coarse_curve.branch, fine_curve.branch
     assert coarse.problem(0).setup.lattice.grid < fine.problem(0).setup.lattice.grid
     low, high = (
         max(found.load.min() for found in (rows, fine_rows)),
