@@ -203,6 +203,6 @@ def test_tables_of_fits(tmp_path):
     assert retraction[-1]["load"] == pytest.approx(float(pull_off.load), rel=1e-3)
     for row in retraction:
         exact = maugis.contact(row["contact_radius"], interaction_range=1 / tabor)
-        assert row["load"] == pytest.approx(float(exact.load), abs=1e-6)
+        assert row["load"] == pytest.approx(float(exact.load), abs=2e-6)  # as the radius is rounded, to eight digits
         if row["displacement"] > float(fold.displacement):
             assert row["load_fitted"] == pytest.approx(row["load"], abs=2e-3 * float(-fold.load))
