@@ -13,7 +13,7 @@ by elimination of J.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -68,7 +68,7 @@ def border_scales(jacobian: Any, b: Array, c: Array, d: float) -> tuple[float, f
     return column, row
 
 
-class Factorised(Bordered):
+class Factorised(Bordered, ABC):
     """An LU factorisation of the whole matrix, with its border scaled by powers of two."""
 
     column_scale: float
@@ -131,6 +131,8 @@ class SparseBordered(Factorised):
             csc = csc.copy()  # the caller's own stays as it is
             csc.sum_duplicates()
         self.column_scale, self.row_scale = border_scales(csc.data, b, c, d)
+        # Elimination adds up to n terms to the row, which fills the matrix if it becomes the pivot.
+        self.row_scale /= 2.0 ** self._n.bit_length()
         b, c, d = b * self.column_scale, c * self.row_scale, d * self.column_scale * self.row_scale
         frame = _frame(self._n, csc.indptr.astype(np.int32).tobytes(), csc.indices.astype(np.int32).tobytes())
         self._order = order = frame.order

@@ -33,13 +33,13 @@ from contbranch.continuation.walk import corrected_point, point_on
 # curves pass each other at a distance.
 SADDLE_HEIGHT = 1e-9
 # Vectors in a block of a Krylov space: the largest multiplicity that is found.
-BLOCK = 6
-# Share of the step on either side of a foretold place between which it is foretold again, and then by its square.
-CLOSER = 0.1
+BLOCK_SIZE = 6
+# Share of the step on either side of a foretold place between which it is foretold once more, and then by its square.
+PREDICTION_HALF_WIDTH = 0.1
 # Places within a step, as shares of it, that agree to so many decimals are one.
-SAME_PLACE = 6
+PLACE_DECIMALS = 6
 # Size of a correction, in the metric, from which on those that do not contract are rounding.
-ROUGHLY = 1e-7
+STALLED_CORRECTION = 1e-7
 # Radius, in the metric, at which curves through a multiple branch point are looked for, the number of starts for each
 # pair of null vectors, and the most null vectors.
 SEARCH_RADIUS, SEARCHES, MOST_SEARCHED = 1e-3, 15, 3
@@ -102,9 +102,9 @@ def branch_points(segment: Segment, ahead: Bordered | None, options: Options) ->
         raise LeapError
     places, _ = _singular(problem, (begin.x, begin.parameter), ahead, row, metric)
     closer = (_closer(segment, place, row) for place in places)
-    near = {round(one.place, SAME_PLACE): one for one in closer if one is not None}
+    near = {round(one.place, PLACE_DECIMALS): one for one in closer if one is not None}
     located = (_located(segment, one, row, options) for one in near.values())
-    found = {round(one[0], SAME_PLACE): one for one in located if one is not None}
+    found = {round(one[0], PLACE_DECIMALS): one for one in located if one is not None}
     count = sum(multiplicity for _, _, multiplicity in found.values())
     crossed = begin.determinant_sign != end.determinant_sign
     if count < len(places) or count % 2 != crossed:
@@ -152,8 +152,8 @@ def _singular(
     sizes = [float(abs(part).max()) for part in (matrix[:-1, :-1], slope)]
     longest = metric.state_scale * sizes[0] / sizes[1] if min(sizes) > 0.0 else math.inf
     units = np.append(np.full(size - 1, metric.state_scale), min(metric.parameter_scale, longest))[:, None]
-    vectors, images = np.random.default_rng(0).standard_normal((size, min(BLOCK, size))), np.empty((size, 0))
-    while images.shape[1] < min(3 * BLOCK, size):
+    vectors, images = np.random.default_rng(0).standard_normal((size, min(BLOCK_SIZE, size))), np.empty((size, 0))
+    while images.shape[1] < min(3 * BLOCK_SIZE, size):
         basis = np.linalg.qr(vectors)[0]
         fresh = basis[:, images.shape[1] :]
         solved = [np.append(*solve(ahead, load[:-1], float(load[-1]), at[1])) for load in (matrix @ (units * fresh)).T]
@@ -172,7 +172,7 @@ def _singular(
 def _closer(segment: Segment, place: float, row: Direction) -> _Near | None:
     """Return a foretold place as foretold from matrices close to it; None if these foretell none."""
     problem, metric = segment.begin.problem, segment.metric
-    for aside in (CLOSER, CLOSER**2):
+    for aside in (PREDICTION_HALF_WIDTH, PREDICTION_HALF_WIDTH**2):
         ahead = _bordered(problem, segment.at(place + aside), row)
         inside, null_vectors = _singular(problem, segment.at(place - aside), ahead, row, metric)
         if not inside:
@@ -219,7 +219,7 @@ def _located(segment: Segment, near: _Near, row: Direction, options: Options) ->
                 return None
             y = y + change
             # Once, a correction back onto the curve may be as large as the one before along it.
-            stalled += 0.5 * previous < size < ROUGHLY
+            stalled += 0.5 * previous < size < STALLED_CORRECTION
             if size <= 4 * ROUNDING or stalled == 2:
                 break
     except (CorrectionError, np.linalg.LinAlgError):
@@ -230,7 +230,9 @@ def _located(segment: Segment, near: _Near, row: Direction, options: Options) ->
     curvature = float(np.abs(rates).max()) or math.nan
     height, spread = float(np.abs(reduced.mu).max()) / curvature, float(np.abs(slopes + rates @ step).max()) / curvature
     highest = max(SADDLE_HEIGHT * segment.length**2, 1e3 * ROUNDING)
-    if not (size < ROUGHLY and -0.05 <= theta <= 1.05 and height <= highest and spread <= math.sqrt(highest)):
+    if not (
+        size < STALLED_CORRECTION and -0.05 <= theta <= 1.05 and height <= highest and spread <= math.sqrt(highest)
+    ):
         return None
     along = metric.unit(problem, *segment.direction(min(max(theta, 0.0), 1.0)))
     point = Point(problem, x, p, *along, label="branch point")

@@ -160,7 +160,7 @@ class Located:
     @property
     def kind(self) -> str:
         """Kind of the event."""
-        return "index change"
+        return "event"
 
     def turned(self) -> Self:
         """Return the event as seen along the opposite direction of the curve."""
@@ -242,6 +242,11 @@ class BranchPoint(Located):
 @dataclass(frozen=True, slots=True, eq=False)
 class IndexChange(Located):
     """A change of the Morse index that no fold and no simple branch point explains."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the event."""
+        return "index change"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -47,7 +47,7 @@ def raw_curve(track: Track, request: Request) -> RawCurve:
     problem, found = track.problem(0), _refined(track, request) if request.events else []
     unstable = {control: track.hodograph.rows(control) for control in track.controls}
     with finishing():
-        pairs = _told_apart(track, list(zip(track.marks, found, strict=bool(found))), unstable)
+        pairs = _distinct_folds(track, list(zip(track.marks, found, strict=bool(found))), unstable)
         placed = _placed(track, pairs)
         events = problem.judged([_event(track, *pair) for pair in pairs], track.points, track.controls)
     breaking = Breaking()
@@ -107,7 +107,7 @@ def _branch(track: Track, unstable: Mapping[Control, Integers], breaking: Breaki
             "contact_perimeter": np.array(rim),
         }
     examined = bool(breaking.counts)
-    told = examined and has_modes(track) and track.problem(0).refinable
+    has_eigenvalues = examined and has_modes(track) and track.problem(0).refinable
     return Branch(
         **columns,
         unstable_load=unstable[LOAD],
@@ -117,7 +117,7 @@ def _branch(track: Track, unstable: Mapping[Control, Integers], breaking: Breaki
         profiles=[partial(equilibrium(point).profile, point.x, point.parameter) for point in points],
         unstable_spring=unstable[track.controls[2]] if len(track.controls) > 2 else None,
         unstable_azimuthal=breaking.unstable if examined else None,
-        critical_eigenvalue=later(one_thread(lambda: critical_eigenvalues(points))) if told else None,
+        critical_eigenvalue=later(one_thread(lambda: critical_eigenvalues(points))) if has_eigenvalues else None,
     )
 
 
@@ -200,10 +200,8 @@ def _refined(track: Track, request: Request) -> list[Found]:
 
 def _is_at_opening(opening: Found, fold: Found, accuracy: float) -> bool:
     """Whether a fold is where a ring opens before it: load and displacement rest there, and do not tell its place."""
-    errors, allowed = (
-        np.add(fold.error, opening.error),
-        OPENING_ERRORS * accuracy * np.maximum(1.0, np.abs(fold.numbers)),
-    )
+    errors = np.add(fold.error, opening.error)
+    allowed = OPENING_ERRORS * accuracy * np.maximum(1.0, np.abs(fold.numbers))
     apart = np.abs(np.subtract(fold.numbers, opening.numbers)) > np.minimum(errors, allowed)
     return not apart[:2].any()
 
@@ -253,14 +251,14 @@ def _event_of(track: Track, mark: Mark) -> Event | None:
     return Margin(mark.margin) if mark.margin else None
 
 
-def _told_apart(
+def _distinct_folds(
     track: Track, pairs: Sequence[tuple[Mark, Found]], unstable: Mapping[Control, Integers]
 ) -> list[tuple[Mark, Found]]:
     """The events but for neighbouring folds of one control that no number tells apart, however sharply located.
 
     They are rounding's: the Morse indices of the rows between them, `unstable`, become those on both sides.
     """
-    kept = list(pairs)
+    distinct = list(pairs)
     for control in track.controls if track.problem(0).refinable else ():
         folds: list[tuple[Mark, Found]] = []
         for pair in pairs:
@@ -270,10 +268,10 @@ def _told_apart(
                 before, rows = folds.pop(), unstable[control]
                 first, last = before[0].row, pair[0].row
                 rows[first : last + 1] = rows[max(first - 1, 0)]
-                kept = [one for one in kept if one is not before and one is not pair]
+                distinct = [one for one in distinct if one is not before and one is not pair]
             else:
                 folds.append(pair)
-    return kept
+    return distinct
 
 
 def _coincide(track: Track, one: tuple[Mark, Found], other: tuple[Mark, Found]) -> bool:

@@ -59,9 +59,8 @@ class Spacing:
         stray = self.stray(begin, end)
         if not equilibrium(begin).refinable or not (apart or stray > STRAY):
             return []
-        parts = max(
-            math.ceil(math.sqrt(stray / STRAY)), 1 + apart
-        )  # the distance of an arc from its chord is quadratic
+        # The distance of an arc from its chord is quadratic in its length.
+        parts = max(math.ceil(math.sqrt(stray / STRAY)), 1 + apart)
         try:
             segment = piece(*linked(begin, end))
             shares = np.arange(1, parts) / parts

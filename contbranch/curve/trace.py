@@ -328,9 +328,8 @@ class _Tracing:
             marks += [replace(mark, row=k) for mark in own]
         hodograph = turning.hodograph(index)
         pieces = hodograph.pieces(DISPLACEMENT)[0]
-        if (
-            len(pieces) and pieces[-1] < 0
-        ):  # there are no such states: behind a fold the curve has turned back on itself
+        # There are no states of a negative index: behind a fold the curve has turned back on itself.
+        if len(pieces) and pieces[-1] < 0:
             self._forget(max(int(np.argmax(pieces < 0)), 1))
             ending = equilibrium(rows[-1].point).ending("", rows[-1].point)
             self.complete, self.lost, self.message = False, True, f"{Outcome.TURNED_BACK.value} {ending}"
