@@ -373,17 +373,17 @@ def test_contact_that_begins_on_a_ring_is_a_region_of_its_own():
     assert phase.parts[1][0].stop == pytest.approx(2.38743786, abs=3e-4)
 
 
-def test_folds_beyond_a_ring_are_left_out_of_a_phase_diagram_and_it_says_so():
+def test_folds_beyond_a_ring_bound_regions_of_a_phase_diagram():
     contact = cb.Contact(cb.PowerLaw(3.8, 1.36), cb.Gauss(-0.734, 0.318 / 1.5), 2.187)
     events = cb.trace(contact, accuracy=1e-3, modes=0).events
     assert [event.kind for event in events].count("topology") == 2
     tabor = contact.tabor
     phase = cb.phase_diagram(contact, "tabor", (tabor, 1.001 * tabor), "load", samples=3, accuracy=1e-3)
-    assert (phase.status, phase.message) == ("incomplete", "The fold beyond a ring is not followed.")
+    assert (phase.status, phase.message) == ("complete", "")
     folds = [event for event in events if event.kind == "fold" and event.control == "load"]
     # Between them lie first touch, and where the ring opens and closes.
     assert [len(parts) for parts in phase.parts] == [len(folds) + 4] * 3
-    assert len(phase.boundaries) == len(folds)
+    assert len(phase.boundaries) == len(folds) + 1  # and first touch
 
 
 def test_boundaries_next_to_each_other_are_all_there():
@@ -446,13 +446,6 @@ def test_the_command_complains_in_one_line(options, message, capsys):
     assert captured.out == ""
     assert message in captured.err
     assert captured.err.count("\n") == 1
-
-
-def test_events_of_a_ring_cannot_be_followed_and_the_message_says_why():
-    diagram = traced(cb.Contact.reduced("maugis-dugdale", 1.0, -1), accuracy=1e-3, max_load=17.0)
-    touch = next(event for event in diagram.events if event.kind == "touch")
-    with pytest.raises(cb.InputError, match="not a disc"):
-        cb.follow(touch, vary="tabor", to=2.0)
 
 
 def test_an_event_is_followed_as_far_as_the_table_of_its_law_goes():

@@ -142,7 +142,10 @@ GAPS, ENERGIES = (0.0, 1.0, 2.0, 3.0), (-1.0, -0.5, -0.1, -0.0)
         (lambda: cb.trace(absurd(), model=cb.Periodic(cell=1e300, grid=64)), "cell: 1e.300 of the contact's own"),
         (lambda: cb.trace(SMALL, model=cb.Periodic(cell=5.0, grid=16)), "grid: no node of it lies under the tip"),
         (lambda: cb.trace(cb.Contact(cb.EllipticParaboloid(0.1, 0.2)), max_load=1.7e308), "max_load, in reduced units"),
-        (lambda: cb.trace(cb.Contact(cb.Cone(1.0), cb.MaugisDugdale(1.0, 1.0))), "take a smooth law"),
+        (
+            lambda: cb.trace(cb.Contact(cb.Cone(1.0), cb.MaugisDugdale(1.0, 1.0) + cb.MaugisDugdale(-1.0, 2.0))),
+            "that repel cannot be added",
+        ),
     ],
 )
 def test_tables_cells_and_loads_of_absurd_size_are_refused(make: Callable[[], object], words: str) -> None:

@@ -196,6 +196,8 @@ class EventCurve:
             return [], End(Outcome.STARTED_ON_EDGE)
         problem = augmented(start)
         margins: Iterable[Event] = (Margin(name) for name in problem.margins(start.x, start.parameter))
+        if isinstance(self.condition.event, Margin):  # one of them vanishes all along
+            margins = ()
         self.beside = beside
         events = [*self.meetings.values(), *margins]
         if math.isfinite(problem.base.described_to):

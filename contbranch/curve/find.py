@@ -87,9 +87,10 @@ def disconnected(
         What the curve has at this value.
     """
     found: list[Found] = []
-    joints = [0, *sorted(track.onward), len(track.points) - 1]
+    joints = [0, *sorted({*track.onward, *track.gaps}), len(track.points) - 1]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # trial states may be anything
         for first, last in pairwise(joints):
+            first += first in track.gaps  # behind which a piece begins with its own row
             points = [track.onward.get(first, track.points[first]), *track.points[first + 1 : last + 1]]
             offer = equilibrium(points[0]).search(points)
             if offer is None:

@@ -14,6 +14,7 @@ from contbranch.continuation import Point
 from contbranch.control import Control, as_control
 from contbranch.curve.augmented import Condition
 from contbranch.curve.event_curve import EventCurve
+from contbranch.curve.events import Margin
 from contbranch.curve.outcome import Origin
 from contbranch.curve.problem import EquilibriumProblem, equilibrium
 from contbranch.curve.symmetry import SymmetryEvent
@@ -26,7 +27,7 @@ from contbranch.watch import Progress, kept, over, told, watched
 
 __all__ = ["follow", "followed"]
 
-FOLLOWED = ("fold", "touch", "symmetry")
+FOLLOWED = ("fold", "touch", "topology", "symmetry")
 
 
 @one_thread
@@ -45,7 +46,7 @@ def follow(
     Parameters
     ----------
     event : Event
-        A fold, first touch or loss of symmetry, taken from ``diagram.events``.
+        A fold, first touch, change of the contact set or loss of symmetry, taken from ``diagram.events``.
     vary : str or callable
         ``"tabor"``, ``"share"`` (of the second of two laws), ``"stiffness"`` (of the spring), ``"modulus"``,
         ``"tip.radius"``, ``"interaction[0].range"`` and the like, or a function that returns the contact for a number.
@@ -102,12 +103,15 @@ def followed(event: Event, family: Family, goals: tuple[float, ...], accuracy: f
     """
     began = time.perf_counter()
     origin, place = _origin(event)
-    control, what, edge = None, None, None
+    control, edge = None, None
+    what: SymmetryEvent | Margin | None = None
     if event.kind == "fold":
         named = Control("spring", event.stiffness) if event.stiffness is not None else as_control(event.control)
         control = named.scaled(origin.contact.scales.stiffness)
     if event.kind == "symmetry" and origin.raw.mode is not None:
         what = SymmetryEvent(origin.raw.mode, origin.raw.index)
+    elif event.kind == "topology" and origin.raw.margin:
+        what = Margin(origin.raw.margin)
     elif control is None or place.parameter in equilibrium(place).parameter_range:
         edge = place.parameter
     work = equilibrium(place).work
@@ -132,28 +136,21 @@ def followed(event: Event, family: Family, goals: tuple[float, ...], accuracy: f
     )
 
 
-def followable(event: Event) -> bool:
-    """Whether an event can be followed: not beyond a change of the contact set."""
-    try:
-        _origin(event)
-    except InputError:
-        return False
-    return True
-
-
 def _origin(event: Event) -> tuple[Origin, Point]:
     """What an event was found in, and where."""
     if not isinstance(event, Event):
         raise InputError(f"event: {type(event).__name__}; must be an event of a diagram, such as diagram.events[0]")
     if event.kind not in FOLLOWED:
-        raise InputError(f"event: {event.kind}; only folds, first touch and losses of symmetry can be followed")
+        raise InputError(
+            f"event: {event.kind}; only folds, first touch, changes of the contact set and losses of "
+            "symmetry can be followed"
+        )
     origin = event.origin
     place = origin.raw.point if isinstance(origin, Origin) else None
     if not isinstance(origin, Origin) or place is None or type(equilibrium(place)).member is EquilibriumProblem.member:
         raise InputError(
-            "event: its state is not kept, for it was loaded, found on a grid, or its contact set is not a disc (as of "
-            "repulsive maugis-dugdale laws); only an event of a fresh trace by the exact or axisymmetric model, with a "
-            "disc or without contact, can be followed"
+            "event: its state is not kept, for it was loaded or found on a grid; only an event of a fresh trace by the "
+            "exact or axisymmetric model can be followed"
         )
     if origin.contact.interaction is None:
         raise InputError("event: without interaction first touch stays at zero load and displacement")

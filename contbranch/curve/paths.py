@@ -196,10 +196,9 @@ class CurveWalk:
         problem = equilibrium(fold.place)
         alike = [stop for stop in candidates if problem.relaxes_to(equilibrium(stop.place))]
         if alike or self.relaxes_off_curve:
-            guarded = not all(problem.relaxes_to(equilibrium(point)) for point in self.track.points)
             places = [stop.place for stop in alike]
             try:
-                reached = problem.relaxed(fold.place, self.control, direction, places, guarded)
+                reached = problem.relaxed(fold.place, self.control, direction, places)
             except AstrayError as astray:
                 self.off_curve.append((fold, astray.state))
                 return None

@@ -12,7 +12,7 @@ import numpy as np
 
 from contbranch.contact.contact import Contact
 from contbranch.contact.family import Family
-from contbranch.curve.follow import followable, followed
+from contbranch.curve.follow import followed
 from contbranch.errors import ModelError
 from contbranch.results.diagram import Cost, Diagram, Event
 from contbranch.results.followed import Followed, FollowedPoint
@@ -118,9 +118,6 @@ class Regions:
         known = [k for boundary in self.boundaries for k in _met(boundary, edges, value, member)]
         for k, event in enumerate(edges):
             if k in known:
-                continue
-            if not followable(event):
-                self.messages.append(f"The {event.name or event.kind} beyond a ring is not followed.")
                 continue
             goals = tuple(v for v in self.between if v != value)
             found = followed(event, replace(self.family, start=value, contact=member), goals, self.accuracy)

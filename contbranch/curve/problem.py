@@ -566,9 +566,7 @@ class EquilibriumProblem(Problem):
         """Whether `relaxed` may come to rest at states of another problem."""
         return type(other) is type(self)
 
-    def relaxed(
-        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
-    ) -> int | None:
+    def relaxed(self, fold: Point, control: Control, direction: int, others: Sequence[Point]) -> int | None:
         """Which of several stable states overdamped relaxation from a fold reaches; None where that cannot be told.
 
         Parameters
@@ -581,8 +579,6 @@ class EquilibriumProblem(Problem):
             1 if the fold was reached by raising the control, −1 by lowering it.
         others : sequence of Point
             Of problems of the same class.
-        guarded : bool
-            Whether the relaxation may leave what this representation can hold, which then ends it.
 
         Raises
         ------

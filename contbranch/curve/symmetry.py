@@ -105,9 +105,9 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         for event in passing:
             tell(0.98, f"locating the loss of symmetry, m = {event.mode}")
             try:
-                share, start = between(track.link(row), event)
-                refined = refine(start, event, request.accuracy)
+                share, refined = _located(track, row, event, request.accuracy)
                 kind = "lost" if there.of(event.mode) > here.of(event.mode) else "regained"
+                kind += " with the change of the contact set" if row in track.gaps else " along the curve"
                 found.append(_event(refined, row + share, event, kind))
             except CorrectionError:
                 lost += 1
@@ -121,6 +121,24 @@ def symmetry_breaking(track: Track, request: Request) -> Breaking:
         notes.append(f"{lost} symmetry events could not be located: the curve cannot be followed there.")
     everywhere = known if len(known) == len(counts) else ()
     return Breaking(everywhere, tuple(sorted(found, key=_position)), not lost, " ".join(notes))
+
+
+def _located(track: Track, row: int, event: SymmetryEvent, accuracy: float) -> tuple[float, Found]:
+    """Where an eigenvalue passes 1 between a row and the next one, as a share of the way, and the state.
+
+    Between a change of the contact set and the first row behind it, where a ring is narrow, it is taken to be that
+    change: eigenvalues answer the logarithm of the width.
+
+    Raises
+    ------
+    CorrectionError
+        If the curve cannot be followed there.
+    """
+    ends = track.link(row)
+    if ends is None:
+        return 0.0, refine(track.points[row], None, accuracy)
+    share, start = between(ends, event)
+    return share, refine(start, event, accuracy)
 
 
 def _differ(counts: Sequence[Count | None]) -> list[int]:
@@ -180,7 +198,7 @@ def _event(found: Found, position: float, event: SymmetryEvent, kind: str) -> Ra
         **vars(found),
         kind="symmetry",
         row=int(position),
-        message=f"Stability to {named} is {kind} along the curve.",
+        message=f"Stability to {named} is {kind}.",
         position=position,
         mode=event.mode,
         index=event.index,

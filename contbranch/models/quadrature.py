@@ -28,6 +28,8 @@ __all__ = [
 
 # Nodes of an integral over a tip, and nodes of an integral for the smooth factor besides a panel's polynomial.
 PEAK, SMOOTH_FACTOR = 32, 12
+# ... and of one for a panel's own root per polynomial: the substitution makes them exponentials.
+OWN_ROOT = 3
 
 
 @dataclass(frozen=True)
@@ -86,11 +88,12 @@ class HalfOrderRule:
     """Integrals with the weight 1/√(x − t) over a panel, t from −1 to 1 or x, of its polynomial times a smooth factor.
 
     With that factor at the nodes, ``weights * factor @ values`` is what the panel's nodal values are multiplied by.
+    On a panel with a root the weight is ``√2/√((x − t)(2 ± (x + t)))``.
     """
 
     nodes: Array  # (m,): Gauss nodes, more of them than a panel has
     values: Array  # (m, n): a panel's nodal values -> values at the nodes
-    own: Array  # (n, m): weights where x is a node of the panel
+    own: Array  # (3, n, m): weights where x is a node of the panel; without a root, with one at t = 1, at t = −1
     projection: Array  # (m, m): values at the nodes -> Legendre coefficients, divided by k + 1/2
 
     def beyond(self, away: Array) -> Array:
@@ -110,15 +113,23 @@ class HalfOrderRule:
 def half_order_rule(order: int) -> HalfOrderRule:
     """The rule for panels of `order` nodes.
 
-    Within the panel ``∫ P_k(t)/√(x − t) dt = (T_k(x) + T_{k+1}(x)) / ((k + 1/2) √(1 + x))`` from −1 to x.
+    Within the panel ``∫ P_k(t)/√(x − t) dt = (T_k(x) + T_{k+1}(x)) / ((k + 1/2) √(1 + x))`` from −1 to x. Distances s
+    from a root, (1 ± t)/2, have the weight 1/√|s_x² − s²|, which s = s_x cosh y removes, or s = s_x sin y.
     """
     rule = panel_rule(order)
     nodes, weights = gauss(order + SMOOTH_FACTOR)
     count = len(nodes)
     projection = legendre_values(count, nodes) * weights
     chebyshev = chebyshev_values(count + 1, rule.nodes)
-    own = ((chebyshev[:-1] + chebyshev[1:]) / np.sqrt(1 + rule.nodes)).T @ projection
-    return HalfOrderRule(nodes, rule.lagrange(nodes), own, projection)
+    own = [((chebyshev[:-1] + chebyshev[1:]) / np.sqrt(1 + rule.nodes)).T @ projection]
+    s = (1 + rule.nodes) / 2
+    flipped, right = s[::-1], np.full(order, np.pi / 2)
+    for sign, own_s, end, function in ((-1, flipped, np.arccosh(1 / flipped), np.cosh), (1, s, right, np.sin)):
+        y, scale = gauss_between(np.zeros(order), end, OWN_ROOT * count)
+        values = legendre_values(count, sign * (2 * own_s[:, None] * function(y) - 1))
+        moments = (values * scale).sum(axis=2).T * (np.arange(count) + 0.5)
+        own.append(np.sqrt(2) * moments @ projection)
+    return HalfOrderRule(nodes, rule.lagrange(nodes), np.array(own), projection)
 
 
 @cache

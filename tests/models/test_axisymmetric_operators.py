@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.special import beta, i0e, j0
+from scipy.special import beta, ellipe, ellipkm1, i0e, j0
 
 from contbranch.models.axisymmetric.mesh import Mesh
 from contbranch.models.axisymmetric.rim import Rim
@@ -207,9 +207,157 @@ def test_abel_integrals_of_polynomials_on_uneven_panels(order):
         assert error(mesh.abel @ (last**2 - rho**2) ** k, exact) < 1e-13
 
 
-def test_a_stretched_mesh_shares_its_matrices():
-    mesh = Mesh(np.array([0.0, 0.5, 1.0, 3.0]), 9)
-    stretched, anew = mesh.stretched(2.0).stretched(1.5), Mesh(3.0 * mesh.edges, 9)
+@pytest.mark.parametrize("roots", [(), (2,)])
+def test_a_stretched_mesh_shares_its_matrices(roots):
+    mesh = Mesh(np.array([0.0, 0.5, 1.0, 3.0]), 9, roots=roots)
+    stretched, anew = mesh.stretched(2.0).stretched(1.5), Mesh(3.0 * mesh.edges, 9, roots=roots)
     assert stretched.plane is mesh.plane
-    for name in ("plane", "abel", "nodes", "weights"):
+    for name in ("plane", "abel", "nodes", "weights", "scale"):
         np.testing.assert_allclose(getattr(stretched, name), getattr(anew, name), rtol=1e-12)
+
+
+ROOTED = np.array([0.0, 0.12, 0.3, 0.45, 0.6, 0.72, 0.95, 1.2, 1.4, 1.55, 2.0])
+INNER, OUTER = 4, 8
+"""Edges of a mesh at which functions are polynomials in the square root of the distance: of a ring."""
+
+
+@pytest.fixture(scope="module")
+def rooted() -> Mesh:
+    return Mesh(ROOTED, 14, roots=(INNER, OUTER))
+
+
+def distances(mesh: Mesh, edge: int) -> np.ndarray:
+    """Distances of the nodes from an edge, to all their digits; (N,)."""
+    found, length = np.abs(mesh.nodes - mesh.edges[edge]).reshape(mesh.panels, -1), np.diff(mesh.edges)
+    found[edge - 1] = length[edge - 1] * mesh.shares[edge][::-1]
+    found[edge] = length[edge] * mesh.shares[edge]
+    return found.ravel()
+
+
+def ring(mesh: Mesh) -> np.ndarray:
+    """√((σ² − b²)(c² − σ²)) at the nodes from b to c, 0 elsewhere; (N,)."""
+    b, c = mesh.edges[[INNER, OUTER]]
+    product = distances(mesh, INNER) * (mesh.nodes + b) * distances(mesh, OUTER) * (mesh.nodes + c)
+    return np.where((mesh.nodes > b) & (mesh.nodes < c), np.sqrt(product), 0.0)
+
+
+def test_integrals_of_a_disc_that_ends_at_a_root(rooted):
+    # Pressure 1 on a disc of radius e has h = 2 √(e² − τ²); its plane integral is that of an ellipse.
+    e, r = rooted.edges[OUTER], rooted.nodes
+    away = distances(rooted, OUTER) * (e + r)
+    inside, root = r < e, np.sqrt(away)
+    h = np.where(inside, 2 * root, 0.0)
+    assert rooted.abel @ (1.0 * inside) == pytest.approx(h, abs=2e-14 * e)
+    with np.errstate(invalid="ignore"):
+        outside = r * ellipe((e / r) ** 2) - away / r * ellipkm1(away / r**2)
+    exact = 4 / np.pi * np.where(inside, e * ellipe((r / e) ** 2), outside)
+    assert rooted.plane @ h == pytest.approx(exact, abs=1e-12 * e)
+    assert rooted.weights @ h == pytest.approx(np.pi * e**2 / 2, rel=1e-13)
+
+
+def test_integral_of_a_ring_between_roots(rooted):
+    # With σ² = τ² + v² it is 2 ∫ √((σ² − b²)(c² − σ²)) dv.
+    (b, c), h = rooted.edges[[INNER, OUTER]], rooted.abel @ ring(rooted)
+    with mpmath.workdps(30):
+        inner, outer = mpmath.mpf(b) ** 2, mpmath.mpf(c) ** 2
+        for k in (0, 20, 41, 50, 55, 56, 57, 63, 69, 70, 90, 111):
+            square = mpmath.mpf(rooted.nodes[k]) ** 2
+
+            def function(v, square=square):
+                return 2 * mpmath.sqrt(abs((square + v * v - inner) * (outer - square - v * v)))
+
+            begin, end = mpmath.sqrt(max(inner - square, 0)), mpmath.sqrt(outer - square)
+            places = [begin + (end - begin) * mpmath.mpf(10) ** -j for j in (6, 4, 3, 2, 1)]
+            exact = float(mpmath.quad(function, [begin, *places, end]))
+            assert h[k] == pytest.approx(exact, abs=2e-11 * np.abs(h).max())
+    assert h[112:] == pytest.approx(0.0)
+
+
+def test_values_and_slopes_next_to_a_root(rooted):
+    # √|r − e| (1 + r)
+    e, away = rooted.edges[INNER], distances(rooted, INNER)
+    near = slice((INNER - 1) * rooted.order, (INNER + 1) * rooted.order)
+    values = np.sqrt(away) * (1 + rooted.nodes)
+    slopes = np.sqrt(away) + np.sign(rooted.nodes - e) * (1 + rooted.nodes) / (2 * np.sqrt(away))
+    assert rooted.derivative(values)[near] * np.sqrt(away)[near] == pytest.approx((slopes * np.sqrt(away))[near])
+    row = np.cos(rooted.nodes)
+    assert rooted.derivative_dual(row) @ values == pytest.approx(row @ rooted.derivative(values))
+    points = np.array([0.46, 0.55, 0.599, 0.6, 0.6001, 0.65, 0.71])
+    exact = np.sqrt(np.abs(points - e)) * (1 + points)
+    assert rooted.interpolate(values, points) == pytest.approx(exact, abs=1e-12)
+    nodes, weights = rooted.row(0.65)
+    assert weights @ values[nodes] == pytest.approx(exact[5], abs=1e-12)
+    assert rooted.jumps(values)[[INNER - 2, INNER - 1, INNER]] == pytest.approx(0.0, abs=1e-8)
+    with pytest.raises(ValueError, match="root"):
+        Mesh(ROOTED, 14, roots=(3, 4))
+
+
+@pytest.mark.parametrize("bounded", [False, True])
+def test_the_finer_mesh_tells_errors_next_to_roots(bounded):
+    edges = ROOTED[: OUTER + 1] if bounded else ROOTED
+    mesh = Mesh(edges, 10, bounded, (INNER, OUTER))
+    fine = mesh.finer
+    assert fine.edges[list(fine.roots)] == pytest.approx(edges[[INNER, OUTER]], abs=0)
+    assert (fine.end == mesh.end) == bounded
+    finest = fine.finer
+    for function in (np.sqrt, lambda x: x**1.5, lambda x: x * np.log(x), lambda x: x**2 * np.log(x)):
+
+        def plane(mesh, function=function):
+            return mesh.plane @ (function(np.abs(mesh.nodes - ROOTED[INNER])) * np.cos(mesh.nodes) * (mesh.nodes < 1.4))
+
+        best = finest.interpolate(plane(finest), fine.nodes)
+        found, better = mesh.interpolate(plane(mesh), fine.nodes), plane(fine)
+        off, left = (np.abs(values - best)[fine.nodes < 1.4].max() for values in (found, better))
+        assert left < 0.1 * off + 1e-11
+    values = np.sqrt(np.abs(mesh.nodes - ROOTED[INNER]))
+    carried = np.where(fine.nodes <= mesh.end, np.sqrt(np.abs(fine.nodes - ROOTED[INNER])), 0.0)
+    close = np.abs(fine.nodes - ROOTED[INNER]) < 0.1
+    assert (mesh.to_finer @ values)[close] == pytest.approx(carried[close], abs=1e-12)
+    assert mesh.from_finer(mesh.to_finer @ values) == pytest.approx(values, abs=1e-8)
+
+
+@pytest.mark.parametrize("a", [0.0, 0.7])
+def test_drift_of_a_mesh_with_roots(rooted, a):
+    """Both integrals at fixed nodal values as edges move, those of roots among them, against differences."""
+    rates = np.array([0.0, 0.0, 0.1, 0.5, 1.0, 0.9, -0.3, -0.2, 0.7, 0.4, 0.0])
+    nodes = (rates[:-1, None] + np.diff(rates)[:, None] * rooted.shares).ravel()
+    pressure = ring(rooted) + 0.3 * (rooted.nodes < ROOTED[OUTER])  # which jumps there
+    profile = np.cos(rooted.nodes) + ring(rooted)
+
+    def moved(step):
+        mesh = Mesh(rooted.edges + step * rates, rooted.order, roots=rooted.roots)
+        assert mesh.nodes == pytest.approx(rooted.nodes + step * nodes, abs=1e-15)
+        return np.array([mesh.abel @ pressure, Rim(mesh, a).plane @ profile])
+
+    h = 1e-4
+    expected = (8 * (moved(h) - moved(-h)) - (moved(2 * h) - moved(-2 * h))) / (12 * h)
+    found = rooted.abel_drift(pressure, rates[None], nodes[None])[0]
+    assert found == pytest.approx(expected[0], abs=1e-9)
+    targets = np.append(nodes, rates[list(rooted.roots)])
+    found = Rim(rooted, a).drift(profile, rates[None], targets[None])[0][: rooted.size]
+    assert found == pytest.approx(expected[1], abs=1e-9)
+
+
+def test_rim_operators_with_roots(rooted):
+    a, c, r = 0.7, rooted.edges[OUTER], rooted.nodes
+    rim, root = Rim(rooted, a), np.sqrt(distances(rooted, OUTER) * (r + c))
+    f = np.where(r < c, root, 0.0)
+    assert rim.bent(f) == pytest.approx(rim.plane_to_targets @ f, abs=1e-14)
+    for k in (0, 30, 60, 97, 98, 111, 112, 126, 139):
+        end = min(1.0, c / r[k])
+
+        def function(x, k=k, end=end):  # tau = rho sin(theta), and theta = its end − x²
+            theta = np.arcsin(end) - x * x
+            tau = r[k] * np.sin(theta)
+            return 4 / np.pi * x * np.sqrt(max(c * c - tau * tau, 0.0)) * tau / np.hypot(a, tau)
+
+        assert rim.plane[k] @ f == pytest.approx(integral(function, [0.0, np.sqrt(np.arcsin(end))]), abs=2e-12)
+    square, step = a * a, 1e-3
+    for name, slope in (("plane", rim.plane_slope(f - f[0])[: rooted.size]), ("weights", rim.weights_slope(f))):
+        near = [
+            getattr(Rim(rooted, np.sqrt(square + j * step)), name) @ (f - f[0] * (name == "plane"))
+            for j in (-2, -1, 1, 2)
+        ]
+        expected = (8 * (near[2] - near[1]) - (near[3] - near[0])) / (12 * step)
+        free = rooted.interpolate(f, np.zeros(1))[0] / (2 * a) * (name == "weights")
+        assert slope == pytest.approx(expected + free, abs=1e-9)

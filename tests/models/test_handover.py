@@ -6,6 +6,7 @@ from scipy.integrate import quad
 
 import contbranch as cb
 from contbranch.errors import ModelError
+from contbranch.models.axisymmetric import problem
 from contbranch.models.axisymmetric.problem import ContactProblem
 from contbranch.models.quadrature import peak_pressure
 from contbranch.models.rings import changes
@@ -17,8 +18,20 @@ from contbranch.models.rings.problem import RingProblem
 CONTACT = cb.Contact(cb.PowerLaw(3.5, 1.0), cb.Exponential(-1.0, 8.0), 1.0)
 
 
+def unheld(points):
+    raise ModelError("rings are left to the model with free boundaries")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def free_boundaries():
+    """Rings by the model with free boundaries, which takes over where a disc cannot be followed otherwise."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(problem, "born", unheld)
+        yield
+
+
 @pytest.fixture(scope="module")
-def diagram():
+def diagram(free_boundaries):
     return cb.trace(CONTACT, accuracy=1e-5, max_load=8.0, modes=0)
 
 

@@ -8,17 +8,16 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import lapack
 
-from contbranch.arrays import Array, Indices, magnitude
+from contbranch.arrays import Array, Flags, Indices, magnitude
 from contbranch.curve.problem import Defect
 from contbranch.models.fronts import SMOOTH
-from contbranch.models.quadrature import gauss_between
 
 from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
 __all__ = [
     "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "finer_error", "needed_reach", "panel_errors",
-    "roughness", "similar",
+    "roughness", "similar", "too_long",
 ]  # fmt: skip
 
 Solver = Callable[[Array], Array]
@@ -28,6 +27,8 @@ Solver = Callable[[Array], Array]
 GRADING = 0.25
 # Neighbouring panels differ in their outer ends by no more than this factor.
 GROWTH = 4.5
+# ... and from edges of regions.
+BESIDE_EDGES = 4.5
 # The mesh is shortened when this part of it would do.
 SHORTEN = 0.9
 # Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
@@ -154,10 +155,16 @@ def roughness(equations: Equations, fields: Fields, edges: Array, within: float)
     decides on the branch, and on the load that goes with it, however little load it carries.
     """
     mesh, n = equations.mesh, equations.mesh.order
-    nodes = gauss_between(edges[:-1], edges[1:], n)[0].ravel()
+    nodes = _nodes(mesh, edges)
     tails = np.abs(mesh.interpolate(fields.stiffness, nodes).reshape(-1, n) @ mesh.rule.to_legendre[-2:].T).max(axis=1)
     share = tails / (SMOOTH * max(magnitude(fields.stiffness), 1e-300))
     return np.where(edges[1:] < within, share, 0.0)
+
+
+def _nodes(mesh: Mesh, edges: Array) -> Array:
+    """Nodes of panels with other edges, which have the mesh's root edges among them."""
+    roots = np.abs(edges[:, None] - mesh.edges[list(mesh.roots)]).argmin(axis=0)
+    return Mesh(edges, mesh.order, mesh.bounded, tuple(roots.tolist())).nodes
 
 
 def panel_errors(equations: Equations, fields: Fields, edges: Array | None = None) -> Array:
@@ -181,7 +188,7 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
         edges, nodes = mesh.edges, mesh.nodes
         profile, pressure, stiffness = fields_here
     else:
-        nodes = gauss_between(edges[:-1], edges[1:], n)[0].ravel()
+        nodes = _nodes(mesh, edges)
         profile, pressure, stiffness = map(mesh.sampler(nodes), fields_here)
     a = fields.rim.radius
     weighted = profile * nodes / np.hypot(a, nodes) if a > 0 else profile
@@ -212,7 +219,7 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
     if equations.interaction is None:
         return float(mesh.end)
     length = abs(equations.displacement(fields)) + equations.interaction.range
-    carried = np.abs(equations.load_beyond(fields)) * np.minimum(1.0, length / np.abs(fields.gap))
+    carried = np.abs(equations.load_beyond(fields)) * length / np.maximum(length, np.abs(fields.gap))
     response = 2 * (fields.rim.radius + np.sqrt(2 * length))
     left_out = carried + response * mesh.nodes * np.abs(fields.pressure)
     beyond = np.flatnonzero(~(left_out <= tolerance))
@@ -256,27 +263,54 @@ def adapted_edges(
         keep = max(1, int(np.searchsorted(edges, reach)))
         edges, errors = edges[: keep + 1], errors[:keep]
     bad = errors > share
-    bad[1:] |= edges[2:] > GROWTH * edges[1:-1]
-    superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share)
+    bad |= too_long(edges, unit)
+    superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share, unit)
     if math.isfinite(equations.kink):
         gaps = equations.mesh.interpolate(fields.gap, stretch * edges)
         superfluous = superfluous[np.abs(gaps[superfluous] - equations.kink) > AT_KINK * equations.kink]
-    return np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit.bounded)[bad]]))
+    return np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit)[bad]]))
 
 
-def cuts(edges: Array, bounded: bool) -> Array:
-    """Where panels are cut, graded towards the rim and, on a mesh that ends there, towards a tip's edge."""
-    found = (edges[:-1] + edges[1:]) / 2
-    found[0] = GRADING * edges[1]
-    if bounded:
-        found[-1] += (0.5 - GRADING) * (edges[-1] - edges[-2])
+def too_long(edges: Array, mesh: Mesh, growth: float = BESIDE_EDGES) -> Flags:
+    """Whether panels are too long for where they lie: their ends' distances from the rim, or from an edge of regions,
+    differ by too large a factor; across such an edge, their lengths do."""
+    length = np.diff(edges)
+    found = np.append(False, edges[2:] > GROWTH * edges[1:-1])
+    for root in mesh.edges[list(mesh.roots)]:
+        ends = np.sort(np.abs([edges[:-1] - root, edges[1:] - root]), axis=0)
+        beside = ends[0] == 0.0
+        found |= ~beside & (ends[1] > growth * ends[0])
+        found |= beside & (length > growth * length[beside].min(initial=np.inf))
     return found
 
 
-def _mergeable(guide: Callable[[Array], Array], edges: Array, errors: Array, share: float) -> Indices:
-    """Inner edges, no two neighbouring, without which the panels' errors stay below `share`."""
-    small = errors < share
-    candidates = [k for k in range(1, len(edges) - 1) if small[k - 1] and small[k]]
+def cuts(edges: Array, mesh: Mesh) -> Array:
+    """Where panels are cut, graded towards the rim, root edges and, on a mesh that ends there, a tip's edge."""
+    length = np.diff(edges)
+    found = edges[:-1] + length / 2
+    found[0] = GRADING * edges[1]
+    if mesh.bounded:
+        found[-1] = edges[-1] - GRADING * length[-1]
+    roots = mesh.edges[list(mesh.roots)]
+    for left in np.flatnonzero(np.isin(edges[:-1], roots)):
+        found[left] = edges[left] + GRADING * length[left]
+    for right in np.flatnonzero(np.isin(edges[1:], roots)):
+        found[right] = edges[right + 1] - GRADING * length[right]
+    return found
+
+
+def _kept(mesh: Mesh) -> Array:
+    """Root edges of a mesh, and those without which a panel would end at two of them, or the innermost one at one."""
+    rooted = np.isin(np.arange(mesh.panels + 1), [0, *mesh.roots])
+    between = np.zeros_like(rooted)
+    between[1:-1] = rooted[:-2] & rooted[2:]
+    return mesh.edges[rooted | between]
+
+
+def _mergeable(guide: Callable[[Array], Array], edges: Array, errors: Array, share: float, mesh: Mesh) -> Indices:
+    """Inner edges, no two neighbouring and none to be kept, without which the panels' errors stay below `share`."""
+    small, free = errors < share, ~np.isin(edges, _kept(mesh))
+    candidates = [k for k in range(1, len(edges) - 1) if small[k - 1] and small[k] and free[k]]
     chosen: list[int] = []
     for k in candidates:
         if chosen and k - chosen[-1] < 2:
@@ -291,5 +325,7 @@ def _mergeable(guide: Callable[[Array], Array], edges: Array, errors: Array, sha
     pairs = np.array(chosen)
     joined = np.delete(edges, pairs)
     merged = guide(joined)
+    if mesh.roots:
+        merged[too_long(joined, mesh)] = math.inf
     places = np.searchsorted(joined, edges[pairs - 1])
     return np.asarray(pairs[merged[places] < share])

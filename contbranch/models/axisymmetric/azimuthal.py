@@ -9,9 +9,10 @@ Its negative directions are the eigenvalues above 1 of ``T_m = B_m k A_m``, self
 ``(B_m f)(t) = 2 ∫_t^∞ (t/s)^m s f(s) / √(s² − t²) ds``. Call their number n_m. Modes m ≥ 1 carry no load and no mean
 displacement, so the control does not matter to them; n_0 is the index under displacement control.
 
-Three facts settle most states, whatever the sign of v''. In real space the form is that of ``L = |∇|/2 + v''(g)`` on
-functions that vanish in the contact, and on the sector m the first term is ``½ √(−Δ_m)`` with
-``−Δ_m = −r⁻¹ ∂_r r ∂_r + m²/r²``.
+Variations vanish where the gap rests, on rings, too. Three facts settle most states, whatever the sign of v''. In real
+space the form is that of ``L = |∇|/2 + v''(g)`` on functions that vanish where the gap rests, and on the sector m the
+first term is ``½ √(−Δ_m)`` with ``−Δ_m = −r⁻¹ ∂_r r ∂_r + m²/r²``. Where the pressure jumps v'' has a term
+−[p] δ(r − c)/g'(c), of which only the first fact is used.
 
 1. *Order in m.* −Δ_m grows with m, the square root is monotone on positive operators (Löwner), and restricting forms to
    the same functions η(r) keeps the order: every eigenvalue of L grows with m, and n_0 ≥ n_1 ≥ n_2 ≥ … So what is
@@ -22,9 +23,10 @@ functions that vanish in the contact, and on the sector m the first term is ``½
    sector is positive (Perron–Frobenius). If some ψ > 0 has ``∫ u Lψ > 0``, its eigenvalue is positive and n_m = 0.
    For h and η = A_1 h ≥ 0 the integral ``H(t) = ∫_a^t s h ds = ∫_a^t r² η / √(t² − r²) dr`` is not negative, so that
    ``∫ t ξ h dt ≥ 0`` for every ξ(t) ≥ 0 that does not increase. Hence n_1 = 0 if ``(1 − T_1) h* = t ξ`` with
-   A_1 h* > 0; and for ξ = 1 the converse holds too (L is an M-operator).
-3. *Translation.* φ' = h' + ζ' satisfies (1 − T_1) φ' = ζ' and A_1 φ' = g'(r). So n_1 = 0, and with it all n_m, where
-   the gap increases with r and ζ'(t)/t does not increase: parabolas, cones, and everything blunter.
+   A_1 h* > 0; and for ξ = 1 the converse holds too (L is an M-operator). Asked without rings only.
+3. *Translation.* φ' = h' + ζ' satisfies (1 − T_1) φ' = ζ' and A_1 φ' = g'(r), which vanishes where the gap rests. So
+   n_1 = 0, and with it all n_m, where the gap increases with r (or rests) and ζ'(t)/t does not increase: parabolas,
+   cones, and everything blunter.
 """
 
 from __future__ import annotations
@@ -72,9 +74,10 @@ def settled(equations: Equations, fields: Fields, unstable: int | None = None) -
     with np.errstate(invalid="ignore", divide="ignore"):  # a tip of finite extent: then nothing compares
         blunt = equations.tip.transform_derivative(t) / t
         rounding = ROUNDING * magnitude(fields.h)
-        if bool((np.diff(fields.gap) > -rounding).all()) and bool((np.diff(blunt) <= 1e-12 * np.abs(blunt[1:])).all()):
+        opens = bool((np.diff(fields.gap[~fields.rests]) > -rounding).all())
+        if opens and bool((np.diff(blunt) <= 1e-12 * np.abs(blunt[1:])).all()):
             return True
-    return _has_supersolution(equations, fields, t)
+    return not len(equations.resting) and _has_supersolution(equations, fields, t)
 
 
 def _has_supersolution(equations: Equations, fields: Fields, t: Array) -> bool:
@@ -100,7 +103,8 @@ def unstable_count(equations: Equations, fields: Fields, m: int) -> int:
     m : int
         At least 1.
     """
-    matrix = -_form(ModeSpace.of(equations, fields), m)
+    space = ModeSpace.of(equations, fields)
+    matrix = -_form(space, m, space.basis(m) if space.resting else None)
     matrix.flat[:: len(matrix) + 1] += 1.0
     return negative_eigenvalues(matrix)
 
@@ -166,7 +170,7 @@ def mode_shape(equations: Equations, fields: Fields, m: int, index: int = 1) -> 
     gap = space.plane(m) @ vector
     scale = 1 / gap[np.argmax(np.abs(gap))]
     vector, gap = scale * vector, scale * gap
-    pressure = -space.stiffness * gap
+    pressure = space.resting_pressure(m, vector) - space.stiffness * gap
     a, r = space.radius, np.hypot(space.radius, space.rho)
     if a > 0:
         inside = a * INSIDE
@@ -175,14 +179,19 @@ def mode_shape(equations: Equations, fields: Fields, m: int, index: int = 1) -> 
     return ModeShape(m, r, gap, pressure)
 
 
-def _form(space: ModeSpace, m: int) -> Array:
+def _form(space: ModeSpace, m: int, basis: Array | None) -> Array:
     """π ∫ k (A_m h)² r dr on trial functions that are orthonormal in ∫ dt, (N, N); its lower triangle."""
-    return lower_gram(space.plane(m), -np.pi * space.weights * space.rho * space.stiffness, *space.blocks)
+    form = lower_gram(space.plane(m), -np.pi * space.weights * space.rho * space.stiffness, *space.blocks)
+    if basis is None:
+        return form
+    return np.asarray(basis.T @ (np.tril(form) + np.tril(form, -1).T) @ basis)
 
 
 def _largest(space: ModeSpace, m: int, count: int) -> tuple[Array, Array]:
-    matrix = _form(space, m)
+    basis = space.basis(m) if space.resting else None
+    matrix = _form(space, m, basis)
     size = len(matrix)
     count = min(count, size)
     values, vectors = eigh(matrix, subset_by_index=(size - count, size - 1), check_finite=False)
+    vectors = vectors if basis is None else basis @ vectors
     return values[::-1], vectors[:, ::-1]

@@ -20,7 +20,7 @@ from contbranch.arrays import Array, magnitude
 from contbranch.continuation.problem import UnresolvedError
 from contbranch.errors import ModelError
 
-from .equations import Fields
+from .equations import Equations, Fields
 from .mesh import Mesh
 
 __all__ = [
@@ -43,6 +43,8 @@ MOST, NEWTON = 6, 3
 # kink that has counted does so down to this share of the distance from which on others do: its mesh, which may end
 # there, must not end within it.
 KINK, NEXT, INNERMOST, STAYS = -1, 1e-3, 0.5, 0.3
+# ... where panels between edges of regions are shortened alike.
+LEAST_ROOM = 1e-2
 # It moves undeformed with what is at least this share of its distance around it, up to the mesh's end.
 LAST = 1e-4
 
@@ -52,8 +54,44 @@ class AstrayError(ModelError, UnresolvedError):
 
 
 @dataclass(frozen=True)
+class Row:
+    """A linear equation for gaps at nodes and root edges, or for pressures where the gap rests at nodes:
+    ``weights @ what − value = 0``."""
+
+    nodes: slice
+    weights: Array
+    value: float
+    rests: bool = False
+
+    def off(self, fields: Fields) -> float:
+        """What is left of it."""
+        return float(self.weights @ (fields.pressure if self.rests else fields.gaps)[self.nodes]) - self.value
+
+    def by_state(self, equations: Equations, fields: Fields) -> Array:
+        """Derivatives with respect to the state."""
+        found = np.zeros(equations.size)
+        if self.rests:
+            first = int(np.searchsorted(equations.resting, self.nodes.start)) + equations.mesh.size
+            found[first : first + len(self.weights)] = self.weights
+        else:
+            plane = self.weights @ fields.rim.plane_to_targets[self.nodes]
+            found[: equations.mesh.size] = plane - plane.sum() * equations.rim_row
+        return found
+
+    def by_gap(self, gap: Array) -> Array:
+        """Its changes where the gaps change by so much, (..., N + R) -> (...)."""
+        return np.zeros(gap.shape[:-1]) if self.rests else gap[..., self.nodes] @ self.weights
+
+
+def gap_row(mesh: Mesh, place: float, value: float) -> Row:
+    """What says how far the gap at a place is from a value."""
+    ends = np.flatnonzero(mesh.edges[list(mesh.roots)] == place) + mesh.size
+    return Row(slice(ends[0], ends[0] + 1), np.ones(1), value) if ends.size else Row(*mesh.row(place), value)
+
+
+@dataclass(frozen=True)
 class Crease:
-    """A crease of the gap, or a step, on the mesh before that was moved.
+    """A crease of the gap, a step, or an edge of what rests, on the mesh before that was moved.
 
     Attributes
     ----------
@@ -62,7 +100,8 @@ class Crease:
     half : float
         What moves with it undeformed, on either side.
     order : int
-        Of the derivative of the gap that stays what it is: 1 of a crease, 0 of a step.
+        Of the derivative of the gap that stays what it is: 1 of a crease, 0 of a step. At an edge of what rests, −1 if
+        that lies inside of it and −2 if outside, it is the pressure.
     value : float
         What that is.
     slope : float
@@ -71,6 +110,8 @@ class Crease:
         Of its motion in the inner product of states: like that of h when it moves by its own distance.
     key : int
         By which it is known again on other meshes.
+    root : bool
+        Whether functions are smooth in the root of the distance from there.
     """
 
     place: float
@@ -80,6 +121,7 @@ class Crease:
     slope: float
     weight: float
     key: int
+    root: bool = False
 
     @property
     def kink(self) -> bool:
@@ -89,30 +131,50 @@ class Crease:
     def stretched(self, factor: float, weight: float) -> Crease:
         """The same where lengths are stretched, with a weight for its motion by its own place."""
         place = factor * self.place
-        slope, weight = self.slope / factor ** (1 + self.order), weight / place**2
+        slope = self.slope / factor ** (1 + self.order) if self.order >= 0 else self.slope
+        weight = weight / place**2
         return replace(self, place=place, half=factor * self.half, slope=slope, weight=weight)
 
-    def row(self, mesh: Mesh, kinks: Sequence[float]) -> tuple[slice, Array, float]:
-        """The nodes of the panel on which it lies, what their gaps are multiplied by, and what is taken off to say how
-        far it is from its place."""
-        nodes, row = mesh.row(self.place)
-        if self.order:
-            row = row @ mesh.rule.derivative / mesh.half[nodes.start // mesh.order]
-        # A neighbouring law's may be another.
-        value = kinks[(KINK - self.key) % len(kinks)] if self.kink else self.value
-        return nodes, row / self.slope, value / self.slope
+    def row(self, mesh: Mesh, equations: Equations) -> Row:
+        """What says how far it is from its place, on the mesh before that is stretched."""
+        value = self.wanted(mesh, equations)
+        if self.order < 0:
+            row = Row(*mesh.row(self.place, self.order == -2), value, True)
+        else:
+            row = gap_row(mesh, self.place, value)
+        if self.order == 1:
+            slopes = row.weights @ mesh.rule.derivative / mesh.half[row.nodes.start // mesh.order]
+            row = replace(row, weights=slopes)
+        return replace(row, weights=row.weights / self.slope, value=value / self.slope)
+
+    def wanted(self, mesh: Mesh, equations: Equations) -> float:
+        """What the gap, its slope or the pressure there is to be; a neighbouring law's may be another."""
+        if self.order < 0:
+            k = int(np.flatnonzero(mesh.edges[list(mesh.roots)] == self.place)[0])
+            rests, floats = equations.beside(k, inside=self.order == -1)
+            return equations.law.pressure(floats.index, rests.index)
+        if not self.kink:
+            return self.value
+        kinks = equations.kinks
+        return kinks[(KINK - self.key) % len(kinks)]
 
 
 def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, mesh: Mesh) -> tuple[Array, Array]:
-    """Rates of the mesh's edges and nodes with the motions of all creases, (m, P + 1) and (m, N).
+    """Rates of the mesh's edges and targets with the motions of all creases, (m, P + 1) and (m, N + R).
 
     Parameters
     ----------
     resting : (float, float) or None
         What stays between them where it is: a front.
     """
+    if mesh.roots:  # linear between edges of regions and whatever else moves
+        own = [crease.place for crease in creases]
+        fixed = [0.0, *([] if resting is None else [sum(resting) / 2]), float(mesh.end)]
+        knots = np.unique([*own, *fixed])
+        rates = [np.interp(mesh.edges, knots, (knots == place).astype(float)) for place in own]
+        return _along(mesh, np.array(rates))
     # Next to the mesh's end, which stays, less is held than a crease is wide, and panels beyond a kink shrink alike.
-    last = [crease.place if crease.kink else (crease.place + float(mesh.end)) / 2 for crease in creases]
+    last = [c.place if c.kink and not c.root else (c.place + float(mesh.end)) / 2 for c in creases]
     held = [(c.place - c.half, min(c.place + c.half, most)) for c, most in zip(creases, last, strict=True)]
     spans = sorted([*held, resting] if resting else held)
     knots = np.minimum([mesh.innermost, *itertools.chain(*spans), mesh.end], mesh.end)
@@ -120,10 +182,13 @@ def velocities(creases: Sequence[Crease], resting: tuple[float, float] | None, m
         np.interp(mesh.edges, knots, [0.0, *itertools.chain(*((float(span == own),) * 2 for span in spans)), 0.0])
         for own in held
     ]
-    edges = np.array(rates).reshape(len(creases), mesh.panels + 1)
-    along = (mesh.rule.nodes + 1) / 2
-    nodes = edges[:, :-1, None] + (edges[:, 1:] - edges[:, :-1])[:, :, None] * along
-    return edges, nodes.reshape(len(creases), mesh.size)
+    return _along(mesh, np.array(rates).reshape(len(creases), mesh.panels + 1))
+
+
+def _along(mesh: Mesh, edges: Array) -> tuple[Array, Array]:
+    """Rates of edges, and of the targets that go with them."""
+    nodes = edges[:, :-1, None] + (edges[:, 1:] - edges[:, :-1])[:, :, None] * mesh.shares
+    return edges, np.hstack([nodes.reshape(len(edges), mesh.size), edges[:, list(mesh.roots)]])
 
 
 def moved_with(mesh: Mesh, rates: Array, by: Array) -> Mesh:
@@ -135,9 +200,9 @@ def moved_with(mesh: Mesh, rates: Array, by: Array) -> Mesh:
         If panels would become far too short.
     """
     edges = mesh.edges + by @ rates
-    if not shortened(mesh, edges) > SHORTEST:
+    if not shortened(mesh, edges) > (LEAST_ROOM if mesh.roots else SHORTEST):
         raise AstrayError("a crease of the film has left its part of the mesh")
-    return Mesh(edges, mesh.order, mesh.bounded)
+    return Mesh(edges, mesh.order, mesh.bounded, mesh.roots)
 
 
 def shortened(mesh: Mesh, edges: Array) -> float:
@@ -231,7 +296,7 @@ def kinks_of(
 
 def joined(edges: Array, creases: Sequence[Crease]) -> Array:
     """Edges of panels with those creases among them across which nothing is a polynomial; the innermost one rests."""
-    for place in (crease.place for crease in creases if crease.kink):
+    for place in (crease.place for crease in creases if crease.kink and not crease.root):
         away = np.abs(edges - place) > NEXT * place
         inner = [INNERMOST * place] if edges[1] > INNERMOST * place else []
         away[-1] = True

@@ -7,12 +7,17 @@ For a given contact coordinate y (see `ContactCoordinate`) everything follows fr
     R(h, y)  = h − abel p_fr(gap) = 0
 
 so the rim condition phi(a) = 0 is built in, and the displacement is a result and not an unknown.
+
+Outside of the central disc the mesh may consist of regions that meet at its root edges. In one that floats the pressure
+is that of a band of the law. In one that rests the pressure is unknown, and the gap is a level of the law:
+
+    R = (h − abel p, gap − level on what rests),     state = (h, p on what rests)
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -21,12 +26,14 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lapack
 
-from contbranch.arrays import Array, magnitude
+from contbranch.arrays import Array, Flags, magnitude
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.contact.validity import energy_pole
 from contbranch.models.quadrature import chebyshev_values, gauss, peak_pressure
 
+from .law import BandedLaw
+from .layout import Region
 from .mesh import Mesh
 from .rim import Rim
 
@@ -41,6 +48,9 @@ STRIP = 4
 WITHIN = 1.0 - 1e-9
 # Radii so much smaller than the distance from the rim do not matter for the slope of a tip's gap.
 APART = 1e-6
+NONE = np.zeros(0, dtype=np.intp)
+# v'' where the gap rests, in units of the largest elsewhere: larger ones say no more, and cost digits.
+RIGID = 1e6
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
@@ -83,18 +93,26 @@ class ContactCoordinate:
 
 @dataclass(frozen=True)
 class Fields:
-    """All that follows from one (h, y): fields at the mesh's nodes, reduced units."""
+    """All that follows from one state and y: fields at the mesh's nodes, reduced units."""
 
+    state: Array
     h: Array
     y: float
     rim: Rim
     rim_value: float  # h(0)
+    gaps: Array  # at the nodes and at the root edges
     gap: Array
     energy_density: Array
     pressure: Array
     stiffness: Array  # v'' = −dp/dg
     residual: Array
+    rests: Flags  # whether the gap does
     derived: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)  # what was computed from them
+
+    @property
+    def rigid(self) -> Array:
+        """v'', and next to infinite where the gap rests, for variations that leave it there."""
+        return np.where(self.rests, RIGID * max(1.0, magnitude(self.stiffness)), self.stiffness)
 
     @property
     def finite(self) -> bool:
@@ -176,6 +194,17 @@ class Equations:
         Whether there is a contact disc. First touch, y = 0, is a kink of the state's dependence on y, so either side
         has its
         own equations; those without contact go on smoothly into y > 0, where the gap would be negative at the centre.
+    regions : tuple of Region
+        What lies between the root edges of the mesh, from inside outwards.
+    level : int
+        The level of the law at which the central disc rests.
+
+    Attributes
+    ----------
+    resting : integer array (K,)
+        Nodes of the regions that rest.
+    size : int
+        Number of unknowns, N + K.
     """
 
     tip: Tip
@@ -183,8 +212,18 @@ class Equations:
     mesh: Mesh
     coordinate: ContactCoordinate
     contact: bool
+    regions: tuple[Region, ...] = (Region(False, 0),)
+    level: int = 0
 
     def __post_init__(self) -> None:
+        self.law, self.resting, self._levels = BandedLaw(self.interaction), NONE, np.zeros(0)
+        if len(self.regions) > 1:
+            rest = [(nodes, region.index) for nodes, region in self.divided() if region.rests]
+            self.resting = np.concatenate([NONE, *(np.arange(nodes.start, nodes.stop) for nodes, _ in rest)])
+            self._levels = np.concatenate([np.full(n.stop - n.start, self.law.levels[k]) for n, k in rest] or [NONE])
+        self.size = self.mesh.size + len(self.resting)
+        self._rests = np.zeros(self.mesh.size, dtype=bool)
+        self._rests[self.resting] = True
         self.rim_row = np.zeros(self.mesh.size)
         self.rim_row[: self.mesh.order] = self.mesh.rule.rim
         self._rim: Rim | None = None
@@ -216,6 +255,62 @@ class Equations:
         self.__dict__.pop("finer", None)
         self.mesh.forget()
 
+    @property
+    def rest(self) -> float:
+        """The gap of the central disc."""
+        return self.law.levels[self.level] if self.contact else 0.0
+
+    # -- regions ------------------------------------------------------------------------------------------------------
+    def divided(self) -> Iterator[tuple[slice, Region]]:
+        """The nodes of every region."""
+        ends = [0, *(root for root in self.mesh.roots if root < self.mesh.panels), self.mesh.panels]
+        for (first, last), region in zip(pairwise(ends), self.regions, strict=True):
+            yield slice(first * self.mesh.order, last * self.mesh.order), region
+
+    def _answer(self, gap: Array, state: Array) -> tuple[Array, Array, Array]:
+        """Energy density, pressure and v'' at the nodes."""
+        if self.interaction is None:
+            return np.zeros_like(gap), np.zeros_like(gap), np.zeros_like(gap)
+        if len(self.law.levels) == 1 and not len(self.resting):
+            return self.interaction.evaluate(gap)
+        answer = np.zeros((3, len(gap)))
+        for nodes, region in self.divided():
+            if region.rests:
+                answer[0, nodes] = self.law.energy(region.index)
+            else:
+                answer[:, nodes] = self.law.evaluate(region.index, gap[nodes])
+        answer[1, self.resting] = state[self.mesh.size :]
+        return answer[0], answer[1], answer[2]
+
+    def beside(self, k: int, inside: bool) -> tuple[Region, Region]:
+        """The region that rests inside of a root edge, or beyond, and the one on its other side."""
+        pair = [*self.regions, Region(False, self.law.outermost)][k : k + 2]
+        return (pair[0], pair[1]) if inside else (pair[1], pair[0])
+
+    def carried(self, state: Array, other: Equations, factor: float = 1.0) -> Array:
+        """A state, or a direction of states, at the nodes of other equations with these regions, whose lengths are
+        taken times a factor."""
+        mesh, n, places = self.mesh, self.mesh.size, factor * other.mesh.nodes
+        found = mesh.interpolate(state[:n], places)
+        if not len(self.resting):
+            return found
+        pressure = np.zeros(n)
+        pressure[self.resting] = state[n:]
+        return np.append(found, mesh.interpolate(pressure, places)[other.resting])
+
+    def sloped(self, state: Array) -> Array:
+        """Derivative of a state with respect to tau, at the nodes."""
+        n = self.mesh.size
+        if not len(self.resting):
+            return self.mesh.derivative(state)
+        pressure = np.zeros(n)
+        pressure[self.resting] = state[n:]
+        return np.append(self.mesh.derivative(state[:n]), self.mesh.derivative(pressure)[self.resting])
+
+    def with_resting(self, values: Array) -> Array:
+        """Values at the nodes as a vector of the equations: those where the gap rests once more."""
+        return np.append(values, values[self.resting]) if len(self.resting) else values
+
     # -- fields -------------------------------------------------------------------------------------------------------
     def rim(self, y: float) -> Rim:
         """Operators for the rim of y (the last one is kept)."""
@@ -224,24 +319,25 @@ class Equations:
             self._rim = Rim(self.mesh, a)
         return self._rim
 
-    def fields(self, h: Array, y: float) -> Fields:
-        """Gap, pressure and residual of (h, y)."""
+    def fields(self, state: Array, y: float) -> Fields:
+        """Gap, pressure and residual of a state."""
         for known in self._recent:
-            if known.y == y and known.h is h:
+            if known.y == y and known.state is state:
                 return known
-        rim = self.rim(y)
+        rim, h = self.rim(y), state[: self.mesh.size]
         rim_value = float(self.rim_row @ h)
         shape, shape_slope = self._shape_gap(rim)
-        gap = rim.bent(h - rim_value) + shape
+        gaps = rim.bent(h - rim_value) + shape
         if not self.contact:
-            gap = gap - y
-        if self.interaction is None:
-            zero = np.zeros_like(gap)
-            energy, pressure, stiffness = zero, zero, zero
-        else:
-            energy, pressure, stiffness = self.interaction.evaluate(gap)
+            gaps = gaps - y
+        elif self.level:
+            gaps = gaps + self.rest
+        gap = gaps[: self.mesh.size]
+        energy, pressure, stiffness = self._answer(gap, state)
         residual = h - self.mesh.abel_of(pressure)
-        fields = Fields(h, y, rim, rim_value, gap, energy, pressure, stiffness, residual)
+        if len(self.resting):
+            residual = np.append(residual, gap[self.resting] - self._levels)
+        fields = Fields(state, h, y, rim, rim_value, gaps, gap, energy, pressure, stiffness, residual, self._rests)
         fields.derived["shape_slope"] = shape_slope
         self._recent = [fields, *self._recent[: RECENT - 1]]
         return fields
@@ -249,7 +345,7 @@ class Equations:
     def _shape_gap(self, rim: Rim) -> tuple[Array, Array]:
         """The gap around a rim without interaction, and its slope (the last ones are kept)."""
         if self._shape is None or self._shape[0] is not rim:
-            self._shape = rim, self.tip.shape_gap(self.mesh.nodes, rim.radius)
+            self._shape = rim, self.tip.shape_gap(self.mesh.targets, rim.radius)
         return self._shape[1]
 
     # -- linearisation ------------------------------------------------------------------------------------------------
@@ -259,42 +355,58 @@ class Equations:
 
     def answered(self, fields: Fields, h: Array) -> Array:
         """``response @ h``, without that matrix; (N,)."""
-        return self.mesh.abel_of(fields.stiffness * fields.rim.bent(h))
+        return self.mesh.abel_of(fields.stiffness * fields.rim.bent(h)[: self.mesh.size])
 
     def multiplied(self, fields: Fields, h: Array) -> Array:
         """``jacobian @ h``, without that matrix: the gap hardly moves where a stiff film bears large changes of h."""
-        return h + self.answered(fields, h - self.rim_row @ h)
+        if not len(self.resting):
+            return h + self.answered(fields, h - self.rim_row @ h)
+        n = self.mesh.size
+        gap = fields.rim.bent(h[:n] - self.rim_row @ h[:n])[:n]
+        answer = fields.stiffness * gap
+        answer[self.resting] -= h[n:]
+        return np.append(h[:n] + self.mesh.abel_of(answer), gap[self.resting])
 
     def jacobian(self, fields: Fields) -> Array:
-        """dR/dh at fixed y, (N, N): I + response (I − 1 rimᵀ)."""
+        """dR/dstate at fixed y: of h, I + response (I − 1 rimᵀ)."""
         matrix = self.response(fields)
         n = self.mesh.order
         matrix[:, :n] -= matrix.sum(axis=1)[:, None] * self.rim_row[:n]
         matrix.flat[:: self.mesh.size + 1] += 1.0
-        return matrix
+        if not len(self.resting):
+            return matrix
+        n, whole = self.mesh.size, np.zeros((self.size, self.size))
+        gap = fields.rim.plane[self.resting]
+        whole[:n, :n], whole[n:, :n] = matrix, gap - gap.sum(axis=1)[:, None] * self.rim_row
+        whole[:n, n:] = -self.mesh.abel[:, self.resting]
+        return whole
 
     def slopes(self, fields: Fields) -> tuple[Array, Array]:
-        """dgap/dy and dR/dy at fixed h, (N,) each."""
+        """Rates of the gaps, (N + R,), and of the residual with y at fixed h."""
         if "slopes" not in fields.derived:
             gap_slope = self._gap_slope(fields)
             # Beyond the end of a tip the gap is infinite and nothing answers its change.
-            answer = np.zeros_like(gap_slope)
-            np.multiply(fields.stiffness, gap_slope, out=answer, where=np.isfinite(gap_slope))
-            fields.derived["slopes"] = gap_slope, self.mesh.abel_of(answer)
+            own = gap_slope[: self.mesh.size]
+            answer = np.zeros_like(own)
+            np.multiply(fields.stiffness, own, out=answer, where=np.isfinite(own))
+            residual_slope = self.mesh.abel_of(answer)
+            if len(self.resting):
+                residual_slope = np.append(residual_slope, gap_slope[self.resting])
+            fields.derived["slopes"] = gap_slope, residual_slope
         gap_slope, residual_slope = fields.derived["slopes"]
         return gap_slope, residual_slope
 
     def _gap_slope(self, fields: Fields) -> Array:
         if not self.contact:
-            return np.full(self.mesh.size, -1.0)
+            return np.full(len(fields.gaps), -1.0)
         da, dc, _ = self.coordinate.slopes(fields.y)
         shape_slope: Array = fields.derived["shape_slope"]
         if fields.rim.radius < 1e-12:  # right-hand derivatives
-            _, shape_slope = self.tip.shape_gap(self.mesh.nodes, 1e-12)
+            _, shape_slope = self.tip.shape_gap(self.mesh.targets, 1e-12)
         return fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da
 
     def spread(self, fields: Fields, power: float) -> tuple[Array, Array]:
-        """Rates of gap and residual with ln of the stretch of the mesh, h growing with its power, (N,) each.
+        """Rates of the gaps, (N + R,), and the residual with ln of the stretch of the mesh, h growing with its power.
 
         The kernels are homogeneous: `abel` grows with the mesh, and `plane` depends on the rim's radius in its units.
         """
@@ -303,15 +415,19 @@ class Equations:
             if a > 0:
                 gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
             gap += power * fields.rim.bent(fields.h - fields.rim_value)
-            answer = np.zeros_like(gap)
-            np.multiply(fields.stiffness, gap, out=answer, where=fields.stiffness != 0.0)
-            fields.derived["spread"] = gap, power * fields.h + self.mesh.abel_of(answer - fields.pressure)
+            answer = np.zeros_like(fields.gap)
+            np.multiply(fields.stiffness, gap[: self.mesh.size], out=answer, where=fields.stiffness != 0.0)
+            answer[self.resting] = -power * fields.pressure[self.resting]
+            residual = power * fields.h + self.mesh.abel_of(answer - fields.pressure)
+            if len(self.resting):
+                residual = np.append(residual, gap[self.resting])
+            fields.derived["spread"] = gap, residual
         gap_rate, residual_rate = fields.derived["spread"]
         return gap_rate, residual_rate
 
     def _rising(self, fields: Fields) -> Array:
-        """rho times the slope of the undeformed tip's gap, (N,)."""
-        rho, a = self.mesh.nodes, fields.rim.radius
+        """rho times the slope of the undeformed tip's gap, (N + R,)."""
+        rho, a = self.mesh.targets, fields.rim.radius
         gap = rho * self.tip.height_derivative(rho)
         if a > 0:  # rho dg/drho = (2/π) (rho/r)² ∫_a^r ζ' t/√(r² − t²) dt, from its part in dg/da
             steep = (2 / np.pi) * float(self.tip.transform_derivative(np.float64(a)))
@@ -321,13 +437,15 @@ class Equations:
         return gap
 
     def drift(self, fields: Fields, edges: Array, nodes: Array) -> tuple[Array, Array]:
-        """Rates of gap and residual where edges and nodes of the mesh move at rates linear on every panel, with their
-        h; (m, P + 1) and (m, N) -> (m, N) each."""
+        """Rates of gaps and residual where edges and targets of the mesh move at rates linear on every panel, with
+        their h; (m, P + 1) and (m, N + R) -> (m, N + R) and (m, N + K)."""
         mesh = self.mesh
         gap = fields.rim.drift(fields.h - fields.rim_value, edges, nodes)
-        gap += nodes / mesh.nodes * self._rising(fields)
-        answer = mesh.abel_of((fields.stiffness * gap).T).T  # what moves is felt, and its gap is finite
-        return gap, answer - mesh.abel_drift(fields.pressure, edges, nodes)
+        gap += nodes / mesh.targets * self._rising(fields)
+        n = mesh.size
+        answer = mesh.abel_of((fields.stiffness * gap[:, :n]).T).T  # what moves is felt, and its gap is finite
+        answer -= mesh.abel_drift(fields.pressure, edges, nodes[:, :n])
+        return gap, np.hstack([answer, gap[:, self.resting]]) if len(self.resting) else answer
 
     # -- observables --------------------------------------------------------------------------------------------------
     def displacement(self, fields: Fields) -> float:
@@ -338,7 +456,7 @@ class Equations:
         """Displacement without the interaction beyond the mesh."""
         if not self.contact:
             return fields.rim_value + fields.y
-        return fields.rim_value + float(self.tip.transform(np.float64(fields.rim.radius)))
+        return fields.rim_value + float(self.tip.transform(np.float64(fields.rim.radius))) - self.rest
 
     def load(self, fields: Fields) -> float:
         """Load F = 2 ∫_0^∞ h dt (E = 1), with h = d − zeta inside the contact, and the interaction's beyond the
@@ -350,7 +468,9 @@ class Equations:
         a = fields.rim.radius
         inside = 0.0
         if a > 0:
-            inside = self._own_displacement(fields) * a - float(self.tip.transform_integral(np.float64(a)))
+            inside = (self._own_displacement(fields) + self.rest) * a - float(
+                self.tip.transform_integral(np.float64(a))
+            )
         return 2 * (inside + float(fields.rim.weights @ fields.h))
 
     def energy(self, fields: Fields) -> float:
@@ -360,7 +480,7 @@ class Equations:
         beyond = self.beyond(fields)
         elastic = float(fields.rim.weights @ fields.h**2) + beyond.shift * self._own_load(fields)
         if a > 0:
-            tip = self.tip
+            tip, d = self.tip, d + self.rest
             elastic += d * d * a - 2 * d * float(tip.transform_integral(np.float64(a)))
             elastic += float(tip.transform_square_integral(np.float64(a)))
         if self.interaction is None:
@@ -389,10 +509,11 @@ class Equations:
         if isinstance(known, _Beyond):
             return known
         tail, found = self._tail_of(fields), NOTHING
-        if self.interaction is not None and tail.ends < WITHIN * self.tip.extent:
+        if not (self.interaction is None or self.mesh.bounded) and tail.ends < WITHIN * self.tip.extent:
             displacement = self._own_displacement(fields)
             lift = float(fields.gap[-1]) + displacement - tail.last
-            energy, pressure, stiffness = self.interaction.evaluate(tail.height - displacement + lift * tail.fading)
+            gap = tail.height - displacement + lift * tail.fading
+            energy, pressure, stiffness = self.law.evaluate(self.law.outermost, gap)
             load, shift = (tail.rings @ pressure).tolist()
             beyond = float(tail.rings[0] @ (energy - self._pole * tail.poles)) - 2 * np.pi * self._pole * math.log(
                 tail.ends
@@ -444,11 +565,12 @@ class Equations:
         beyond = self.beyond(fields)
         if beyond is NOTHING:
             return load, displacement
-        gap = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][-1] * y_rate
+        n = self.mesh.size
+        gap = float(fields.rim.plane[-1] @ (h_rate - self.rim_row @ h_rate)) + self.slopes(fields)[0][n - 1] * y_rate
         shift = 0.0
         if stretching:
             rise, lost, shift = self._at_end(fields)
-            gap += stretching * (float(self.spread(fields, power)[0][-1]) - rise)
+            gap += stretching * (float(self.spread(fields, power)[0][n - 1]) - rise)
             load -= stretching * lost
         return (
             load + beyond.load_per_displacement * displacement - beyond.load_per_gap * gap,
@@ -460,15 +582,15 @@ class Equations:
 
     def drift_rates(self, fields: Fields, edges: Array, nodes: Array) -> tuple[float, float]:
         """Rates of load and displacement where the mesh moves as in `drift`, in one way, with its h."""
-        mesh, a = self.mesh, fields.rim.radius
+        mesh, a, n = self.mesh, fields.rim.radius, self.mesh.size
         longer = np.repeat(np.diff(edges) / (2 * mesh.half), mesh.order)
         turned = a * a / np.hypot(a, mesh.nodes) ** 3
-        load = 2 * float((mesh.weights * (longer * fields.rim.factor + nodes * turned)) @ fields.h)
+        load = 2 * float((mesh.weights * (longer * fields.rim.factor + nodes[:n] * turned)) @ fields.h)
         beyond = self.beyond(fields)
         if beyond is NOTHING:
             return load, 0.0
-        gap = float(self.drift(fields, edges[None], nodes[None])[0][0, -1])
-        gap -= float(nodes[-1] / mesh.nodes[-1]) * self._at_end(fields)[0]
+        gap = float(self.drift(fields, edges[None], nodes[None])[0][0, n - 1])
+        gap -= float(nodes[n - 1] / mesh.nodes[-1]) * self._at_end(fields)[0]
         return load - beyond.load_per_gap * gap, -beyond.shift_per_gap * gap
 
     def _at_end(self, fields: Fields) -> tuple[float, float, float]:
@@ -479,8 +601,7 @@ class Equations:
         lift = float(fields.gap[-1]) + own - tail.last
         rise = (float(tip.height_derivative(node)) - lift / node) * rho * rho / node
         last = float(tip.height(tail.ends)) - own + lift * node / tail.ends
-        assert self.interaction is not None  # there is something beyond
-        pressure = float(self.interaction.evaluate(np.array([last]))[1][0])
+        pressure = float(self.law.evaluate(self.law.outermost, np.array([last]))[1][0])
         return rise, 2 * np.pi * pressure * edge * edge, 2 * pressure * edge
 
     def _load_per_stretch(self, fields: Fields) -> float:
@@ -504,7 +625,9 @@ class Equations:
         return (inside - self._pulled(fields, distance)) / np.pi
 
     def middle_pressure(self, fields: Fields) -> float:
-        """The same at r = 0."""
+        """The same at r = 0; infinite under a cone."""
+        if self.tip.apex_exponent <= 1.0:
+            return math.inf
         a = fields.rim.radius
         return peak_pressure(self.tip, a) - float(self._pulled(fields, np.array([a * a]))[0]) / math.pi
 
@@ -512,11 +635,11 @@ class Equations:
         """∫_a^∞ h'(t)/√(t² − r²) dt, (M,), with ``distance = a² − r²``."""
         mesh, n, h = self.mesh, self.mesh.order, fields.h
         slope, root = mesh.weights[n:] * mesh.derivative(h)[n:], np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])
-        if mesh.bounded:  # h ends like a root: by parts
+        if mesh.bounded and not mesh.root[-1]:  # h ends like a root: by parts
             slope[-n:] = mesh.weights[-n:] * h[-n:] * mesh.nodes[-n:]
             root[:, -n:] **= 3
         outside = (1 / root) @ slope
-        if mesh.bounded:
+        if mesh.bounded and not mesh.root[-1]:
             begin = float(mesh.rule.lagrange(np.ones(1))[0] @ h[-2 * n : -n])
             outside -= begin / np.sqrt(mesh.edges[-2] ** 2 + distance)
         return outside + self._innermost_slope(h, distance)
@@ -547,8 +670,16 @@ class Equations:
 
     @cached_property
     def kinks(self) -> tuple[float, ...]:
-        """The gaps at which the interaction's stiffness jumps, from far away inwards."""
-        return () if self.interaction is None else self.interaction.kinks
+        """The gaps at which the stiffness jumps, or the pressure within the mesh, from far away inwards."""
+        smooth = () if self.interaction is None else self.interaction.kinks
+        return tuple(sorted({*smooth, *self.steps}, reverse=True))
+
+    @cached_property
+    def steps(self) -> tuple[float, ...]:
+        """The gaps at which the pressure jumps between two regions that float."""
+        pairs = pairwise([*self.regions, *([Region(False, self.law.outermost)] if self.mesh.bounded else [])])
+        floats = [(a.index, b.index) for a, b in pairs if not (a.rests or b.rests) and a.index != b.index]
+        return tuple(self.law.levels[max(pair)] for pair in floats)
 
     @property
     def kink(self) -> float:
@@ -565,8 +696,7 @@ class Equations:
         """Energy per area and pressure of the interaction where the surfaces touch."""
         if self.interaction is None:
             return 0.0, 0.0
-        energy, pressure, _ = self.interaction.evaluate(np.zeros(1))
-        return float(energy[0]), float(pressure[0])
+        return self.law.energy(self.level), self.law.bounds(self.level)[0]
 
     def admissibility(self, fields: Fields, scale: float) -> tuple[float, float]:
         """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest,
@@ -643,11 +773,11 @@ class Equations:
         plane, fine_mesh, fine_fields = fields.rim.plane, mesh, fields
         if finely:
             fine_mesh = mesh.finer
-            fine_fields = self.finer.fields(mesh.to_finer @ fields.h, fields.y)
+            fine_fields = self.finer.fields(self.carried(fields.state, self.finer), fields.y)
             plane = mesh.before_finer(fine_fields.rim.plane)
         # The congruence with W^(-1/2) leaves the inertia alone and makes the unit matrix the bulk of the spectrum.
         scaled = plane / np.sqrt(mesh.weights * fields.rim.factor)
-        stiffness = np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.stiffness
+        stiffness = np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.rigid
         columns = range(0, mesh.size, mesh.order)
         matrix = lower_gram(scaled, stiffness, columns, fine_mesh.panel_starts(mesh.edges[:-1]))
         matrix.flat[:: mesh.size + 1] += 1.0 + least

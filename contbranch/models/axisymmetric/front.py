@@ -20,11 +20,11 @@ from contbranch.arrays import Array, magnitude
 from contbranch.models.fronts import BEGINS, ENDS, FLATTER, STIFF
 
 from .adapt import needed_reach
-from .creases import KINK, MOST, SHARE, STAYS, Crease, apart, crossings, kinks_of
+from .creases import KINK, MOST, SHARE, STAYS, Crease, Row, apart, crossings, gap_row, kinks_of
 from .equations import Equations, Fields
 from .mesh import Mesh
 
-__all__ = ["Edge", "Front", "Kink", "kinks", "lifted", "steepest"]
+__all__ = ["Edge", "Front", "Kink", "Rest", "kinks", "steepest"]
 
 # A front is moved where the gap rises by less than this share of what it did, too.
 RESTS = 0.25
@@ -75,6 +75,7 @@ class Front:
     weight: float
     power: float
     creases: tuple[Crease, ...] = ()
+    root: bool = False
 
     @property
     def resting(self) -> tuple[float, float]:
@@ -107,22 +108,25 @@ class Front:
             found += self.place / (away + least) / math.log(2.0 + self.place / least)
         return mesh.weights * found * self.place**2
 
+    def row(self, unit: Mesh, equations: Equations) -> Row:
+        """What says how far the gap at the front is from its own."""
+        return gap_row(unit, self.place, self.gap)
+
     def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
-        """How far the gap at the front is from its own."""
-        nodes, row = unit.row(self.place)
-        return float(row @ fields.gap[nodes]) - self.gap
+        """What is left of the front's equation."""
+        return self.row(unit, equations).off(fields)
 
     def derivatives(self, unit: Mesh, equations: Equations, fields: Fields) -> tuple[Array, float, float]:
-        """Those of `off` with respect to h, (N,), to σ and to y."""
-        nodes, row = unit.row(self.place)
-        rates = equations.spread(fields, self.power), equations.slopes(fields)
-        spread, slope = (row @ rate[0][nodes] for rate in rates)
-        return lifted(equations, fields, nodes, row), float(spread), float(slope)
+        """Those of `off` with respect to the state, to σ and to y."""
+        row = self.row(unit, equations)
+        spread, slope = (
+            row.by_gap(rates[0]) for rates in (equations.spread(fields, self.power), equations.slopes(fields))
+        )
+        return row.by_state(equations, fields), float(spread), float(slope)
 
-    def passing(self, unit: Mesh, gap: Array) -> float:
-        """That of `off` where the gap at the nodes changes by so much."""
-        nodes, row = unit.row(self.place)
-        return float(row @ gap[nodes])
+    def passing(self, unit: Mesh, equations: Equations, gap: Array) -> Array:
+        """Those of `off` where the gaps at the nodes change by so much, (m, N) -> (m,)."""
+        return self.row(unit, equations).by_gap(gap)
 
     def anchored(self, equations: Equations, fields: Fields, about: float = 0.0) -> float:
         """ln s for which the front lies where a state has its gap; nearest to `about`."""
@@ -147,9 +151,9 @@ class Front:
 class Kink(Front):
     """A front where the law's stiffness jumps, which is an edge of panels: nothing is a polynomial across it."""
 
-    def off(self, unit: Mesh, equations: Equations, fields: Fields, sigma: float) -> float:
-        """How far the gap at the front is from the law's kink."""
-        return super().off(unit, equations, fields, sigma) + self.gap - equations.kink
+    def row(self, unit: Mesh, equations: Equations) -> Row:
+        """What says how far the gap at the front is from the law's kink."""
+        return gap_row(unit, self.place, equations.kink)
 
     def joined(self, mesh: Mesh, fields: Fields) -> Array:
         """Edges of panels with the kink among them; the last one where there is nothing beyond."""
@@ -166,6 +170,8 @@ class Kink(Front):
         mesh, kink = equations.mesh, equations.kink
         if math.isinf(kink):
             return None
+        if kink in equations.steps and isinstance(present, Kink):
+            return present
         width, (last, crossed) = equations.tip.radius_at(kink), _to_kink(seen)
         near = CLOSE_TO_EDGE * _to_edge(equations, fields)
         if not SEEN * width * (STAYS if isinstance(present, Kink) else 1.0) < last < near:
@@ -177,6 +183,18 @@ class Kink(Front):
         place = last * math.exp(found.anchored(equations, fields))
         power = equations.tip.apex_exponent * float(fields.pressure[0] > 0.0)
         return replace(found, place=place, width=abs(kink / crossed), power=power)
+
+
+@dataclass(frozen=True)
+class Rest(Front):
+    """An edge of what rests, which is inside of it or (`outside`) beyond; `gap` is what pressures are measured by."""
+
+    outside: bool = False
+
+    def row(self, unit: Mesh, equations: Equations) -> Row:
+        """What says how far the pressure there is from that of the law."""
+        order = -2 if self.outside else -1
+        return Crease(self.place, 0.0, order, 0.0, self.gap, 0.0, 0, True).row(unit, equations)
 
 
 @dataclass(frozen=True)
@@ -195,6 +213,7 @@ class Edge:
     film: bool = False
     creases: tuple[Crease, ...] = ()
     power: ClassVar[float] = 0.0
+    root: ClassVar[bool] = False
     resting: ClassVar[None] = None
 
     def weights(self, mesh: Mesh) -> Array:
@@ -216,11 +235,11 @@ class Edge:
     def derivatives(self, unit: Mesh, equations: Equations, fields: Fields) -> tuple[Array, float, float]:
         """Those of `off` with respect to h, (N,), to σ and to y."""
         growth = equations.coordinate.slopes(fields.y)[1] if equations.contact else 0.0
-        return np.zeros(unit.size), 1.0, 0.5 * growth / _to_edge(equations, fields) ** 2
+        return np.zeros(equations.size), 1.0, 0.5 * growth / _to_edge(equations, fields) ** 2
 
-    def passing(self, unit: Mesh, gap: Array) -> float:
+    def passing(self, unit: Mesh, equations: Equations, gap: Array) -> Array:
         """Nothing: the edge is the tip's own."""
-        return 0.0
+        return np.zeros(len(gap))
 
     def anchored(self, equations: Equations, fields: Fields, about: float = 0.0) -> float:
         """ln s for which the mesh ends at the edge."""
@@ -328,12 +347,6 @@ def steepest(seen: tuple[Equations, Fields], present: Front | None, unit: Mesh, 
     growth = float(mesh.end / unit.end) ** power
     weights = unit.weights * _near(unit, at, width)
     return Front(at, own, width, float(weights @ (fields.h / growth) ** 2), power)
-
-
-def lifted(equations: Equations, fields: Fields, nodes: slice, row: Array) -> Array:
-    """Derivatives with respect to h of a row times gaps, (N,)."""
-    plane = row @ fields.rim.plane[nodes]
-    return np.asarray(plane - plane.sum() * equations.rim_row)
 
 
 def _pressed(equations: Equations, fields: Fields) -> bool:

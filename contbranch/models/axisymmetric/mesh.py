@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from contbranch.arrays import Array, Indices
-from contbranch.models.quadrature import chebyshev_values, gauss_between, half_order_rule, panel_rule
+from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between, half_order_rule, panel_rule
 from contbranch.watch import check
 
 __all__ = ["Mesh", "mesh_on"]
@@ -24,8 +24,12 @@ __all__ = ["Mesh", "mesh_on"]
 # A source panel closer to the target than this many of its own lengths is integrated with the kernel's substitution;
 # farther away the kernel is analytic in a Bernstein ellipse of parameter > 5.8 and the panel's own nodes suffice.
 NEAR = 1.0
+# ... or, if it has a root, closer than this many.
+NEAR_ROOT = 3.0
 # On a panel this many of its half lengths from the mirror image of a target the kernel's other root is smooth.
 SMOOTH = 3.0
+# Gauss nodes, besides twice a panel's, where a substitution leaves a long range.
+LONG = 16
 # Meshes that are kept.
 MESHES = 16
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
@@ -45,9 +49,18 @@ class Mesh:
         Nodes a panel.
     bounded : bool
         Whether there is nothing beyond the last edge, where functions then end like square roots.
+    roots : tuple of int
+        Indices of edges at which functions on either side are polynomials in the square root of the distance; at least
+        2, and no panel has two of them.
 
     Attributes
     ----------
+    root : array (P,)
+        −1 on panels with a root at their inner end, 1 at their outer end, 0 without.
+    shares, stretching : array (P, n)
+        Where nodes are on their panels, as shares of the panel's length, and the derivative of that in ``(z + 1)/2``.
+    scale : array (P, n)
+        dtau/dz at the nodes; functions are polynomials in z, from −1 to 1 on each panel.
     nodes, weights : array (N,)
         Nodes tau (and rho: they are the same) and Gauss weights; N = P · order.
     plane : array (N, N)
@@ -56,8 +69,8 @@ class Mesh:
         ``(abel @ p)(tau) = 2 ∫_tau^∞ sigma p(sigma) / √(sigma² − tau²) dsigma`` (E = 1; nothing beyond the last edge).
     """
 
-    def __init__(self, edges: Array, order: int, bounded: bool = False) -> None:
-        self.bounded = bounded
+    def __init__(self, edges: Array, order: int, bounded: bool = False, roots: tuple[int, ...] = ()) -> None:
+        self.bounded, self.roots = bounded, roots
         self.source: tuple[Mesh, float] | None = None  # what it was stretched from, and by how much
         self.edges = np.asarray(edges, dtype=float)
         self.rule = panel_rule(order)
@@ -65,6 +78,17 @@ class Mesh:
         self.half = np.diff(self.edges) / 2
         self.panels = len(self.half)
         nodes, weights = gauss_between(self.edges[:-1], self.edges[1:], order)
+        if any(k < 2 or k - 1 in roots for k in roots):
+            raise ValueError("a panel has a root at either end, or the innermost one has one")
+        self.root = np.zeros(self.panels, dtype=np.intp)
+        self.root[[k - 1 for k in roots]] = 1
+        self.root[[k for k in roots if k < self.panels]] = -1
+        u, root = (1 + self.rule.nodes) / 2, self.root[:, None]
+        self.shares, self.stretching = _shares(u, root), _stretching(u, root)
+        self.scale = self.half[:, None] * self.stretching
+        if roots:
+            nodes = np.where(root == 0, nodes, self.edges[:-1, None] + 2 * self.half[:, None] * self.shares)
+            weights = self.rule.weights * self.scale
         self.nodes, self.weights = nodes.ravel(), weights.ravel()
         self.size = len(self.nodes)
         self.innermost, self.end = float(self.edges[1]), self.edges[-1]
@@ -72,26 +96,26 @@ class Mesh:
 
     @cached_property
     def finer(self) -> Mesh:
-        """A mesh on which this one's discretisation errors have all but vanished: graded, longer (graded at its other
-        end) and of higher order."""
+        """A mesh on which this one's discretisation errors have all but vanished: graded, towards roots, too, longer
+        (graded at its other end) and of higher order."""
         if self.source is not None:
             mesh, factor = self.source
             return mesh.finer.stretched(factor)
-        grading = [0.0, FINER_GRADING * self.innermost]
-        order = self.order + max(3, self.order // FINER_ORDER_SHARE)
-        if self.bounded:
-            outer = self.end - FINER_GRADING * (self.end - self.edges[-2]) * np.array([1.0, 0.0])
-            edges = np.concatenate([grading, self.edges[1:-1], outer])
-        else:
-            edges = np.concatenate([grading, self.edges[1:], FINER_REACH * self.edges[-1:]])
-        return mesh_on(edges, order, self.bounded)
+        order, length = self.order + max(3, self.order // FINER_ORDER_SHARE), 2 * self.half
+        inner, outer = self.root < 0, self.root > 0
+        inner[0], outer[-1] = True, outer[-1] or self.bounded
+        cuts = [(self.edges[:-1] + FINER_GRADING * length)[inner], (self.edges[1:] - FINER_GRADING * length)[outer]]
+        longer = [] if self.bounded else [FINER_REACH * self.end]
+        edges = np.sort(np.concatenate([self.edges, *cuts, longer]))
+        return mesh_on(edges, order, self.bounded, tuple(np.searchsorted(edges, self.edges[list(self.roots)]).tolist()))
 
     def stretched(self, factor: float) -> Mesh:
         """The mesh with all lengths multiplied by a factor: `plane` stays as it is, and `abel` grows with them."""
         mesh = copy.copy(self)
         mesh.forget()
+        mesh.__dict__.pop("plane_to_targets", None)
         mesh.source = self, factor
-        for name in ("edges", "end", "half", "nodes", "weights", "innermost", "stretch"):
+        for name in ("edges", "end", "half", "nodes", "weights", "innermost", "scale", "stretch"):
             setattr(mesh, name, factor * getattr(self, name))
         return mesh
 
@@ -104,6 +128,11 @@ class Mesh:
     def plane(self) -> Array:
         """The first integral."""
         return self._kernels[0]
+
+    @property
+    def targets(self) -> Array:
+        """Where gaps are known: the nodes, and the root edges, (N + R,)."""
+        return np.append(self.nodes, self.edges[list(self.roots)]) if self.roots else self.nodes
 
     @property
     def abel(self) -> Array:
@@ -135,10 +164,10 @@ class Mesh:
         return np.asarray(ends[:, 1] - np.append(ends[1:, 0], 0.0))
 
     def passing(self, jumps: Array, edges: Array, relative: Array, outwards: bool) -> Array:
-        """What jumps at the panels' outer ends add where these pass nodes that move at relative rates, in the kernel
-        1/√|σ² − tau²|, (m, N); of those ends that are farther out, or of the others."""
-        ends, nodes = self.edges[1:, None], self.nodes
-        felt = (ends > nodes) == outwards
+        """What jumps at the panels' outer ends add where these pass nodes, or all targets, that move at relative rates,
+        in the kernel 1/√|σ² − tau²|, (m, N); of those ends that are farther out, or of the others."""
+        ends, nodes = self.edges[1:, None], self.targets[: relative.shape[-1]]
+        felt = ends > nodes if outwards else ends < nodes  # a root edge moves with its own target
         kernel = jumps[:, None] * felt / np.sqrt(np.where(felt, np.abs(ends - nodes) * (ends + nodes), 1.0))
         return np.asarray(edges[:, 1:] @ kernel - relative * (self.edges[1:] @ kernel))
 
@@ -189,9 +218,18 @@ class Mesh:
         end = np.arctan2(np.hypot(a, upper), np.sqrt(np.maximum(rho**2 - upper**2, 0.0)))
         return gauss_between(np.arctan2(a, rho), end, count)
 
-    def _projected(self, points: Array, panel: Indices, factors: Array) -> Array:
-        """Weights of a panel's Chebyshev coefficients in ``Σ_m factors · f(points)``; (pairs, m) -> (pairs, order)."""
-        local = (points - self.edges[panel][:, None]) / self.half[panel][:, None] - 1.0
+    def local(self, points: Array, panel: Indices) -> Array:
+        """z at points tau of panels; of one shape, or (pairs, m) and (pairs, 1)."""
+        local = (points - self.edges[panel]) / self.half[panel] - 1.0
+        if self.roots:
+            root = self.root[panel]
+            away = np.where(root > 0, self.edges[panel + 1] - points, points - self.edges[panel])
+            s = np.sqrt(np.maximum(away, 0.0) / (2 * self.half[panel]))
+            local = np.where(root == 0, local, root * (1 - 2 * s))
+        return np.asarray(local)
+
+    def _projected(self, local: Array, factors: Array) -> Array:
+        """Weights of a panel's Chebyshev coefficients in ``Σ_m factors · f(z)``; (pairs, m) -> (pairs, order)."""
         values = chebyshev_values(self.order, local, factors)
         return np.asarray(np.add.reduce(values, axis=2).T)  # whose last digits do not depend on the other rows
 
@@ -206,7 +244,7 @@ class Mesh:
             np.multiply(own, down[:k], out=plane[rows, :k])
             np.multiply(own, up[rows, None], out=kernel[rows, :k])
         left, right = self.edges[:-1], self.edges[1:]
-        near = NEAR * (right - left)
+        near = np.where(self.root == 0, NEAR, NEAR_ROOT) * (right - left)
         below, above = np.tril(left[:, None] - right < near), np.triu(left - right[:, None] < near)
         shape = self.panels, n, self.panels, n
         target, source = np.nonzero(below)
@@ -218,51 +256,101 @@ class Mesh:
     def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order)."""
         n, blocks = self.order, np.empty((len(target), self.order, self.order))
+        root, own = (-1 if upwards else 1) * self.root[source], target == source
         smooth = self.edges[source] + self.half[source] + self.edges[target] >= SMOOTH * self.half[source]
-        for own in (True, False):
-            pick = np.flatnonzero(smooth & ((target == source) == own))
-            blocks[pick] = self._smooth(target[pick], source[pick], upwards, own)
-        pick = np.flatnonzero(~smooth)
-        nodes, panel = self.nodes.reshape(-1, n)[target[pick]].ravel(), np.repeat(source[pick], n)
-        rows = self._up(nodes, panel) if upwards else self._down(nodes, panel)
-        blocks[pick] = rows.reshape(-1, n, n) @ self.rule.to_chebyshev
-        return blocks
+        smooth, across = smooth | (root != 0), (root > 0) & ~own
+        for same in (True, False):
+            pick = np.flatnonzero(smooth & ~across & (own == same))
+            blocks[pick] = self._smooth(target[pick], source[pick], upwards, same)
+        if (pick := np.flatnonzero(~smooth)).size:
+            nodes, panel = self.nodes.reshape(-1, n)[target[pick]].ravel(), np.repeat(source[pick], n)
+            rows = self._up(nodes, panel) if upwards else self._down(nodes, panel)
+            blocks[pick] = rows.reshape(-1, n, n) @ self.rule.to_chebyshev
+        if (pick := np.flatnonzero(across)).size:
+            blocks[pick] = self._across(target[pick], source[pick], upwards)
+        return blocks * self.stretching[source, None] if self.roots else blocks
 
     def _smooth(self, target: Indices, source: Indices, upwards: bool, own: bool) -> Array:
-        """The same where 1/√|rho² − tau²| is 1/√|rho − tau|, whose moments are known in full, times what is smooth.
+        """The same where 1/√|rho² − tau²| is 1/√|z_rho − z_tau|, whose moments are known in full, times what is smooth.
 
-        Upwards all is seen in a mirror.
+        Upwards all is seen in a mirror. On panels with a root the differences of squares of the distances from it,
+        ``s_rho² − s_tau²``, are products, too.
         """
-        rule, sign = half_order_rule(self.order), -1.0 if upwards else 1.0
+        rule, sign = half_order_rule(self.order), -1 if upwards else 1
         half, nodes = self.half[source][:, None], self.nodes.reshape(-1, self.order)[target]
-        tau = self.edges[source][:, None] + half * (1 + sign * rule.nodes)
-        if own:
-            weights = rule.own[::-1] if upwards else rule.own
-        else:
-            low, high = (target, source) if upwards else (source, target)
-            between = self.edges[high] - self.edges[low + 1]
-            within = self.half[target][:, None] * (1 + sign * self.rule.nodes)
-            weights = rule.beyond((between[:, None] + within) / half)
+        root = sign * self.root[source]
+        tau = self.edges[source][:, None] + 2 * half * _shares((1 + sign * rule.nodes) / 2, sign * root[:, None])
         factors = 2 * tau if upwards else np.full_like(tau, 2 / np.pi)
-        rows = weights * ((np.sqrt(half) * factors)[:, None] / np.sqrt(nodes[:, :, None] + tau[:, None]))
-        return rows @ (rule.values[:, ::-1] if upwards else rule.values)
+        smooth = (np.sqrt(half) * factors)[:, None] / np.sqrt(nodes[:, :, None] + tau[:, None])
+        if own:
+            weights = rule.own[root]
+            weights = weights[:, ::-1] if upwards else weights
+        else:
+            away = self._beyond(target, source, upwards) / half
+            if self.roots:
+                away = np.where(root[:, None] == 0, away, away / (1 + np.sqrt(1 + away / 2)))
+                rooted = np.flatnonzero(root)
+                smooth[rooted] *= np.sqrt(2 / (3 + away[rooted, :, None] + rule.nodes))
+            weights = rule.beyond(away)
+        return np.asarray((weights * smooth) @ (rule.values[:, ::-1] if upwards else rule.values))
+
+    def _across(self, target: Indices, source: Indices, upwards: bool) -> Array:
+        """The same for targets beyond the root of a panel: s = √(distance / length) sinh(y) removes the weight."""
+        sign, half = -1 if upwards else 1, self.half[source][:, None, None]
+        width = np.sqrt(self._beyond(target, source, upwards) / (2 * half[:, 0]))
+        y, weights = gauss_between(np.zeros_like(width), np.arcsinh(1 / width), 2 * self.order + LONG)
+        s = width[:, :, None] * np.sinh(y)
+        tau = self.edges[source + (not upwards)][:, None, None] - sign * 2 * half * s * s
+        factors = 2 * tau if upwards else 2 / np.pi
+        weights *= factors * np.sqrt(2 * half / (self.nodes.reshape(-1, self.order)[target][:, :, None] + tau))
+        shape = -1, y.shape[-1]
+        rows = self._projected((sign * (1 - 2 * s)).reshape(shape), weights.reshape(shape))
+        return np.asarray(rows.reshape(-1, self.order, self.order) @ self.rule.to_chebyshev)
+
+    def _beyond(self, target: Indices, source: Indices, upwards: bool) -> Array:
+        """Distances of the nodes of panels from the nearer ends of others, (pairs, n); to all their digits."""
+        low, high, sign = (target, source, -1) if upwards else (source, target, 1)
+        within = _shares((1 + sign * self.rule.nodes) / 2, sign * self.root[target][:, None])
+        return np.asarray((self.edges[high] - self.edges[low + 1])[:, None] + 2 * self.half[target][:, None] * within)
 
     def _down(self, rho: Array, panel: Indices) -> Array:
         """Rows of `plane`: tau = rho sin(theta) removes the weight, and leaves a polynomial in sin(theta)."""
         tau, weights = self.arcs(rho, panel, self.order + 6)
-        return self._projected(tau, panel, (2 / np.pi) * weights)
+        return self._projected(self.local(tau, panel[:, None]), (2 / np.pi) * weights)
 
     def _up(self, tau: Array, panel: Indices) -> Array:
         """Rows of `abel`: sigma = tau cosh(y) removes the weight; from the innermost nodes the range of y is long."""
         start = np.arccosh(np.maximum(1.0, self.edges[panel] / tau))
         end = np.arccosh(self.edges[panel + 1] / tau)
         rows = np.empty((len(tau), self.order))
-        for inner, count in ((True, 2 * self.order + 16), (False, self.order + 10)):
+        for inner, count in ((True, 2 * self.order + LONG), (False, self.order + 10)):
             pick = (panel == 0) == inner
             y, weights = gauss_between(start[pick], end[pick], count)
             sigma = tau[pick, None] * np.cosh(y)
-            rows[pick] = self._projected(sigma, panel[pick], 2 * weights * sigma)
+            rows[pick] = self._projected(self.local(sigma, panel[pick, None]), 2 * weights * sigma)
         return rows
+
+    @cached_property
+    def plane_to_targets(self) -> Array:
+        """`plane`, and the same at the root edges, where polynomials of the gap, which goes like x log x, say little;
+        (N + R, N)."""
+        if self.source is not None:
+            return self.source[0].plane_to_targets
+        if not self.roots:
+            return self.plane
+        rule, n, rows = self.rule, self.order, np.zeros((len(self.roots), self.size))
+        nodes, weights = gauss(2 * n + LONG)
+        values = rule.lagrange(nodes)
+        for row, root in zip(rows, self.roots, strict=True):
+            for k in range(root):
+                touching, kind = k == root - 1, self.root[k]
+                z, w, own = (rule.nodes, rule.weights, None) if touching else (nodes, weights, values)
+                share = _shares((1 - z) / 2, -kind)  # of the way from the outer end
+                away = self.edges[root] - self.edges[k + 1] + 2 * self.half[k] * share
+                factor = w * self.half[k] * _stretching((1 + z) / 2, kind)
+                factor *= (2 / np.pi) / np.sqrt(away * (2 * self.edges[root] - away))
+                row[k * n : (k + 1) * n] = factor if own is None else factor @ own
+        return np.vstack([self.plane, rows])
 
     # -- fields on the mesh -------------------------------------------------------------------------------------------
     def interpolate(self, values: Array, points: Array) -> Array:
@@ -277,31 +365,32 @@ class Mesh:
     def derivative(self, values: Array) -> Array:
         """Derivative with respect to tau, at the nodes, of the panel polynomials through nodal values; (N,)."""
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
-        return (slopes / self.half[:, None]).ravel()
+        return (slopes / self.scale).ravel()
 
     def derivative_dual(self, values: Array) -> Array:
         """What `derivative` multiplies a row of nodal values by, (N,)."""
-        own = values.reshape(self.panels, self.order) / self.half[:, None]
+        own = values.reshape(self.panels, self.order) / self.scale
         return (own @ self.rule.derivative).ravel()
 
-    def row(self, place: float) -> tuple[slice, Array]:
-        """The nodes of the panel on which a place lies, and their weights in a value there."""
-        panel = int(np.searchsorted(self.edges[1:-1], place))
-        local = (place - self.edges[panel]) / self.half[panel] - 1.0
-        return slice(panel * self.order, (panel + 1) * self.order), self.rule.lagrange(np.array([local]))[0]
+    def row(self, place: float, beyond: bool = False) -> tuple[slice, Array]:
+        """The nodes of the panel on which a place lies, of two the inner one unless `beyond`, and their weights in a
+        value there."""
+        panel = np.searchsorted(self.edges[1:-1], [place], side="right" if beyond else "left")
+        nodes = slice(int(panel[0]) * self.order, (int(panel[0]) + 1) * self.order)
+        return nodes, self.rule.lagrange(self.local(np.array([place]), panel))[0]
 
     def _lagrange(self, points: Array) -> tuple[Indices, Array]:
         """Panel of each point, and what it takes of the panel's nodal values: (P,), (P, n); 0 beyond the last edge."""
         panel = np.searchsorted(self.edges[1:-1], points, side="right")
-        rows = self.rule.lagrange((np.minimum(points, self.end) - self.edges[panel]) / self.half[panel] - 1.0)
+        rows = self.rule.lagrange(self.local(np.minimum(points, self.end), panel))
         rows[points > self.end] = 0.0
         return panel, rows
 
 
-def mesh_on(edges: Array, order: int, bounded: bool = False) -> Mesh:
+def mesh_on(edges: Array, order: int, bounded: bool = False, roots: tuple[int, ...] = ()) -> Mesh:
     """The mesh of these edges, one of the last ones if it is known: neighbouring events ask for the same."""
     check()
-    return _mesh_on(tuple(edges.tolist()), order, bounded)
+    return _mesh_on(tuple(edges.tolist()), order, bounded, roots)
 
 
 def forget() -> None:
@@ -310,5 +399,18 @@ def forget() -> None:
 
 
 @lru_cache(MESHES)
-def _mesh_on(edges: tuple[float, ...], order: int, bounded: bool) -> Mesh:
-    return Mesh(np.array(edges), order, bounded)
+def _mesh_on(edges: tuple[float, ...], order: int, bounded: bool, roots: tuple[int, ...]) -> Mesh:
+    return Mesh(np.array(edges), order, bounded, roots)
+
+
+def _shares(u: Array, root: Indices) -> Array:
+    """Where panels' points at u = (1 + z)/2 are, as shares of their lengths from the inner end: u, u² or u(2 − u).
+
+    From the outer end it is the same with 1 − u and −root.
+    """
+    return np.where(root == 0, u, np.where(root < 0, u * u, u * (2 - u)))
+
+
+def _stretching(u: Array, root: Indices) -> Array:
+    """The derivative of that."""
+    return np.where(root == 0, 1.0, np.where(root < 0, 2 * u, 2 * (1 - u)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Self
 
@@ -27,10 +28,12 @@ from .adapt import (
     panel_errors,
     roughness,
     similar,
+    too_long,
 )
 from .creases import SHORTER, Crease, apart, creases_of, joined, located, shortened
 from .equations import Equations, Fields
 from .front import Edge, Front, Kink, kinks, steepest
+from .laying import laid_edges
 from .mesh import Mesh, mesh_on
 from .moving import MovingContact
 
@@ -73,6 +76,12 @@ STALLS = 3
 LAYER = 0.25
 # A step between layers whose distance from the rim differs from the front's by this factor moves in a way of its own.
 OF_ITS_OWN = 1.5
+# Loads and lengths below this are nothing.
+LEAST = 1e-12
+# Ratio of neighbouring panels next to edges of regions that have moved, from which on a mesh is made anew.
+OUTGROWN = 9.0
+# A mesh is laid anew where panels between edges of regions are shortened down to this share.
+RELAID = 0.1
 # Edges of panels below this share of the distance to the edge of a tip are kept where the mesh is to end there.
 INSIDE = 0.97
 
@@ -83,8 +92,9 @@ class MeshedContact(MovingContact):
     @property
     def pieced(self) -> bool:
         """Whether the law or the tip may be, or the law has a kink: where pieces meet is no edge of panels, and rates
-        that go with a mesh that moves with a kink are rough where that has just begun to."""
-        return self.kinked or perhaps_in_pieces(self.equations.tip, self.equations.interaction)
+        that go with a mesh that moves with a kink are rough where that has just begun to. Root edges are no pieces."""
+        kinked = self.kinked and not self.mesh.roots
+        return kinked or perhaps_in_pieces(self.equations.tip, self.equations.interaction)
 
     def resolved(self, x: Array, p: float, tolerance: float, most: float = math.inf) -> tuple[Self, Array]:
         """The problem on a mesh that resolves a solution, as far as some rounds, or `most` unknowns, do, and the
@@ -110,9 +120,17 @@ class MeshedContact(MovingContact):
     def values(self, x: Array, p: float) -> Values:
         """Load, displacement, contact radius, central gap, energy."""
         equations, fields = self.seen(x, p)
-        gap = 0.0 if equations.contact else max(0.0, -fields.y)
+        gap = equations.rest if equations.contact else max(0.0, -fields.y)
+        radius = fields.rim.radius if equations.contact and not equations.level else 0.0
+        if any(region.rests and not region.index for region in equations.regions):
+            radius = math.hypot(fields.rim.radius, equations.mesh.edges[equations.mesh.roots[self._wall_edge]])
         load, displacement = equations.load(fields), equations.displacement(fields)
-        return Values(load, displacement, fields.rim.radius, gap, equations.energy(fields))
+        return Values(load, displacement, radius, gap, equations.energy(fields))
+
+    @property
+    def _wall_edge(self) -> int:
+        """The number of the root edge that is the outermost of those of contact with the wall."""
+        return max(k for k, region in enumerate(self.equations.regions) if region.rests and not region.index)
 
     def examine(self, x: Array, p: float) -> None:
         """Look whether the mesh resolves a row, or one as close to it as that."""
@@ -132,7 +150,11 @@ class MeshedContact(MovingContact):
         `shown`: or what care has shown of it at the last states on this mesh, if that leaves the mesh as it is.
         """
         equations, fields = self.seen(x, p)
-        if not (self._judged and self._judged[0] is x and self._judged[1] == p):
+        if self._judged and self._judged[0] is x and self._judged[1] == p:
+            pass
+        elif self.mesh.roots:
+            self._judged = x, p, self._moving_error(x, p), False
+        else:
             solve = self._solver(x)
             solve = None if solve is None else similar(equations, fields, solve)
             pulls = -float(fields.pressure.min()) > float(fields.pressure.max())
@@ -150,13 +172,23 @@ class MeshedContact(MovingContact):
             self._judged = x, p, found, False
         return found
 
+    def _moving_error(self, x: Array, p: float) -> Defect:
+        """One Newton step on the finer mesh, with all that moves there."""
+        fine, before = self.finer(), self.values(x, p)
+        x = self.carried(x, x, p, fine)
+        step: Array = np.asarray(np.linalg.solve(fine.jacobian(x, p), -fine.residual(x, p)), dtype=np.float64)
+        after, rates = fine.values(x, p), fine.rates(x, p, step, 0.0)
+        load, displacement = after.load - before.load + rates.load, after.displacement - before.displacement
+        return Defect(load, displacement + rates.displacement, magnitude(step[: fine.mesh.size]))
+
     def adapt(self, x: Array, p: float) -> Adaptation | None:
         """A better mesh where the error estimate exceeds the tolerance, or where far fewer panels would do."""
         problem, start = self._refitted(x, p)
         front = problem._fronted(start, p)
         if problem is self and front is self.front:
             return None
-        transfer = moved = None
+        moved: Callable[[Array, float, Array, float], tuple[Array, Array]] | None = None
+        transfer: Callable[[Array], Array] | None = None
         if front is not problem.front:
             problem, start = problem.anchored(front, start, p)
         else:
@@ -165,15 +197,18 @@ class MeshedContact(MovingContact):
 
             def moved(x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[Array, Array]:
                 state, rate = self.carried(x, x, p, problem), self.carried(x_rate, x, p, problem)
-                return state, problem.following(rate, state, p, p_rate)
+                return state, rate if self.mesh.roots else problem.following(rate, state, p, p_rate)
 
         if front is None is self.front:
-            transfer = self.mesh.sampler(problem.mesh.nodes)
-        elif not self.creases and (front is self.front or (self.moves and self._as_moved(front))):
-            sampler, n = self.mesh.sampler(problem.mesh.nodes), self.size
 
             def transfer(vector: Array) -> Array:
-                return np.append(sampler(vector[:n]), vector[n:])
+                return self.equations.carried(vector, problem.equations)
+
+        elif not self.creases and (front is self.front or (self.moves and self._as_moved(front))):
+            n = self.size
+
+            def transfer(vector: Array) -> Array:
+                return np.append(self.equations.carried(vector[:n], problem.equations), vector[n:])
 
         self._corrected = None
         self._seen, self._placed = [], []
@@ -184,10 +219,11 @@ class MeshedContact(MovingContact):
         """The problem on a mesh that satisfies the tolerance, if this one does not or is far finer, and the state."""
         equations, fields = self.seen(x, p)
         resolution, mesh = self.resolution, self.placed(x).mesh
-        allowed = resolution.tolerance * max(1.0, abs(equations.load(fields)))
+        allowed = resolution.tolerance * self._units(equations, fields)[0]
         reach = self._reach(equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p, shown=True)
         served = not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.end
+        served = served and not (mesh.roots and too_long(mesh.edges, mesh, OUTGROWN).any())
         if served:
             if error > FINE * resolution.tolerance or mesh.panels <= 6:
                 return self, x
@@ -253,6 +289,9 @@ class MeshedContact(MovingContact):
 
     def _fronted(self, x: Array, p: float) -> Front | Edge | None:
         """What the mesh is to move with at a state: a front and its creases."""
+        if self.mesh.roots and self.front is not None:
+            short = self.creases and shortened(self.mesh, self.placed(x).mesh.edges) < RELAID
+            return self._front_at(x) if short else self.front
         found = self._led(x, p)
         if found is None or (isinstance(found, Kink) and len(self.equations.kinks) == 1):
             return found
@@ -279,8 +318,10 @@ class MeshedContact(MovingContact):
         """The front at a state."""
         equations, fields = self.seen(x, p)
         present = self.front
+        if self.mesh.roots:
+            return present
         if math.isfinite(equations.tip.extent):
-            allowed = self.resolution.tolerance * max(1.0, abs(equations.load(fields)))
+            allowed = self.resolution.tolerance * self._units(equations, fields)[0]
             if (edge := Edge.needed((equations, fields), allowed, present)) is not None:
                 return edge
         if not self.resolution.moving:
@@ -298,9 +339,13 @@ class MeshedContact(MovingContact):
                 return replace(self, front=front), x
             equations, n = self.placed(x), self.size
             h, edges = x[:n], joined(equations.mesh.edges, front.creases)
+            if self.mesh.roots:
+                roots, rooted = edges[list(equations.mesh.roots)], bool(equations.mesh.root[-1])
+                edges = laid_edges(roots, edges, rooted, float(edges[-1]) if equations.mesh.bounded else None)
             if edges is not equations.mesh.edges:
-                mesh = mesh_on(edges, self.resolution.order, equations.mesh.bounded)
-                h, equations = equations.mesh.interpolate(h, mesh.nodes), equations.on(mesh)
+                before, equations = equations, equations.on(self._mesh(edges, front, equations.mesh.bounded))
+                h = before.carried(h, equations)
+                front = self._about(front, equations.mesh) if self.mesh.roots else front
             start = np.append(h, [x[n], *np.zeros(len(front.creases))])
             return replace(self, equations=equations, front=front), start
         still, h = self.still(x)
@@ -311,9 +356,9 @@ class MeshedContact(MovingContact):
                 edges = joined(np.append(edges, front.place), front.creases)
             elif isinstance(front, Kink):
                 edges = joined(front.joined(still.mesh, still.fields(h, p)), front.creases)
-            mesh = mesh_on(edges, self.resolution.order, bounded=ends)
-            h = still.mesh.interpolate(h, mesh.nodes)
-            still = still.on_mesh(mesh)
+            before = still.equations
+            still = still.on_mesh(self._mesh(edges, front, ends))
+            h = before.carried(h, still.equations)
         if front is None:
             return still, h
         start = np.append(h, np.zeros(1 + len(front.creases)))
@@ -323,7 +368,7 @@ class MeshedContact(MovingContact):
         """The problem on a mesh made for this solution, and the solution there (or, unsolved, carried to it)."""
         equations, fields = self.seen(x, p)
         unit, tolerance = self.placed(x).mesh, self.resolution.tolerance if tolerance is None else tolerance
-        allowed = tolerance * max(1.0, abs(equations.load(fields)))
+        allowed = tolerance * self._units(equations, fields)[0]
         reach = self._reach(equations, fields, 0.03 * allowed)
         end = equations.mesh.end
         sharpness = self.sharpness
@@ -334,13 +379,13 @@ class MeshedContact(MovingContact):
         else:
             sharpness = self._sharpened(x, p, tolerance)
             edges = adapted_edges(equations, fields, SLACK * allowed / sharpness, reach, unit, self.within(x, p))
-            edges = joined(edges, self._creases_at(x))
-        return self.on(mesh_on(edges, self.resolution.order, unit.bounded), x, p, sharpness, solve)
+            edges = edges if unit.roots else joined(edges, self._creases_at(x))
+        return self.on(self._mesh(edges, self._front_at(x), unit.bounded), x, p, sharpness, solve)
 
     def _sharpened(self, x: Array, p: float, tolerance: float) -> float:
         """The factor by which the guide is too optimistic here: as it was, or as the error of a state shows."""
         (equations, fields), error = self.seen(x, p), self.relative_error(x, p)
-        guide = float(panel_errors(equations, fields).sum()) / max(1.0, abs(equations.load(fields)))
+        guide = float(panel_errors(equations, fields).sum()) / self._units(equations, fields)[0]
         shown = min(max(2 * error / max(guide, 1e-16), 1.0), SHARPEST)
         return max(self.sharpness, shown) if error > tolerance else min(self.sharpness, shown)
 
@@ -359,10 +404,30 @@ class MeshedContact(MovingContact):
         problem, n, tail = self.on_mesh(mesh, sharpness), self.size, x[self.size :]
         if self.front is not None and self.creases:  # which are at rest where they are
             fixed = mesh.innermost, self.front.place
-            problem = replace(problem, front=replace(self.front, creases=apart(self._creases_at(x), fixed)))
+            if mesh.roots:
+                problem = replace(problem, front=self._front_at(x))
+            else:
+                problem = replace(problem, front=replace(self.front, creases=apart(self._creases_at(x), fixed)))
             tail = np.append(x[n : n + 1], np.zeros(len(self.creases)))
-        carried = np.append(self.placed(x).mesh.interpolate(x[:n], mesh.nodes), tail)
+        carried = np.append(self.placed(x).carried(x[:n], problem.equations), tail)
         return problem, problem.solve_at(carried, p) if solve else carried
+
+    def _front_at(self, x: Array) -> Front | Edge | None:
+        """The front with its creases where a state has them."""
+        if self.front is None or not self.creases:
+            return self.front
+        return self._about(replace(self.front, creases=self._creases_at(x)), self.mesh)
+
+    def _about(self, front: Front | Edge, mesh: Mesh) -> Front | Edge:
+        """The front with as much around its creases moving along as there is room for."""
+        creases = [replace(crease, half=math.inf) for crease in front.creases]
+        return replace(front, creases=apart(creases, (mesh.innermost, front.place)))
+
+    def _mesh(self, edges: Array, front: Front | Edge | None, bounded: bool) -> Mesh:
+        """The mesh of these edges, with roots where what moves with it has them."""
+        places = [] if front is None else [one.place for one in (front, *front.creases) if one.root]
+        roots = sorted(int(np.abs(edges - place).argmin()) for place in places)
+        return mesh_on(edges, self.resolution.order, bounded, tuple(roots))
 
     def on_mesh(self, mesh: Mesh, sharpness: float | None = None) -> Self:
         """The problem on another mesh, with the front where it is."""
@@ -417,23 +482,28 @@ class MeshedContact(MovingContact):
         if 2 * self.size > FINEST:
             return self
         if self.kinked or self.creases:
-            edges = np.union1d(edges, cuts(edges, mesh.bounded))
+            edges = np.union1d(edges, cuts(edges, mesh))
         else:
             inner = edges[:-1, None] + np.diff(edges)[:, None] * [0.25, 0.75]
             edges = np.concatenate([edges[:1], inner.ravel(), edges[-1:]])
-        return self.on_mesh(mesh_on(edges, self.resolution.order, mesh.bounded))
+        return self.on_mesh(self._mesh(edges, self.front, mesh.bounded))
 
     def carried(self, vector: Array, x: Array, p: float, other: EquilibriumProblem) -> Array:
         """A function of tau on another problem's mesh, stretched to have the state at its front."""
         if not isinstance(other, MeshedContact):
             raise TypeError(f"{type(other).__name__} is not a MeshedContact")
         front, n = other.front, self.size
+        if front and self.mesh.roots and other.mesh.roots:  # what moves with the same edges of regions
+            places = {crease.key: crease.place for crease in self._creases_at(x)}
+            tail = np.array([x[n], *(places[crease.key] - crease.place for crease in front.creases)])
+            there = other.placed(np.append(np.zeros(other.size), tail))
+            return np.append(self.placed(x).carried(vector[:n], there), tail if vector is x else vector[n:])
         if front == self.front and not (self.creases and vector is x):
-            return np.append(self.mesh.interpolate(vector[:n], other.mesh.nodes), vector[n:])
-        mesh = self.placed(x).mesh.stretched(math.exp(float(x[n]))) if self.front else self.mesh
-        function = self.growth(x) * x[:n] if vector is x else self.moving(vector, x)
+            return np.append(self.equations.carried(vector[:n], other.equations), vector[n:])
+        here = self.placed(x).stretched(math.exp(float(x[n]))) if self.front else self.equations
+        function, mesh = self.growth(x) * x[:n] if vector is x else self.moving(vector, x), here.mesh
         if front is None:
-            return mesh.interpolate(function, other.mesh.nodes)
+            return here.carried(function, other.equations)
         kept = self.front is not None and replace(front, creases=self.creases) == self.front
         about = float(x[n]) if self.front and self._as_moved(front) else 0.0
         shift = about if kept else front.anchored(*self.seen(x, p), about)
@@ -447,17 +517,19 @@ class MeshedContact(MovingContact):
 
         by = [place(crease) / beyond - crease.place for crease in front.creases]
         state = np.concatenate([np.zeros(other.size), [shift], by])
-        nodes = other.placed(state).mesh.nodes
-        found = mesh.interpolate(function, beyond * nodes)
+        found = here.carried(function, other.placed(state), beyond)
         return np.append(math.exp(-front.power * shift) * found, state[other.size :] * float(vector is x))
 
     def joins(self, other: EquilibriumProblem) -> bool:
         """Either side of first touch is a representation of its own."""
-        return isinstance(other, MeshedContact) and other.equations.contact == self.equations.contact
+        if not isinstance(other, MeshedContact):
+            return False
+        one, two = self.equations, other.equations
+        return (one.contact, one.level, one.regions) == (two.contact, two.level, two.regions)
 
     def close_to(self, point: Point) -> Self:
         """With creases at rest where a state has them: they hardly move close by, and meshes need not be made anew."""
-        if not self.creases or self.front is None:
+        if not self.creases or self.front is None or self.mesh.roots:
             return self
         return replace(self, equations=self.placed(point.x), front=replace(self.front, creases=()))
 
@@ -473,14 +545,18 @@ class MeshedContact(MovingContact):
             return problem.remeshed(x, u, tolerance, solve=False)[0]
         mesh = problem.mesh
         length = SHARE * self.equations.coordinate.radius(self.coordinate(u)) if 0.0 < u < SMALL else 0.0
+        length /= problem._stretch(x) if problem.front else 1.0
         if not (self.equations.contact and 0.0 < length < mesh.innermost / GRADING):
             return problem
         count = min(PANELS, math.ceil(math.log(mesh.innermost / length) / math.log(GRADING)))
         inner = mesh.innermost * (length / mesh.innermost) ** (np.arange(count, 0, -1) / count)
-        return problem.on_mesh(mesh_on(np.concatenate([[0.0], inner, mesh.edges[1:]]), mesh.order, mesh.bounded))
+        edges = np.concatenate([[0.0], inner, mesh.edges[1:]])
+        return problem.on_mesh(problem._mesh(edges, problem.front, mesh.bounded))
 
     def _resting(self, x: Array, p: float, tolerance: float) -> tuple[Self, Array]:
         """The problem on a mesh that moves with nothing but the edge of a tip and kinks of the law, and the state."""
+        if self.mesh.roots:
+            return self, x
         seen = self.seen(x, p)
         own = kinks(seen, self.front)
         fresh = self.front is None and bool(self.resolution.moving) and Kink.needed(seen, None) is not None
@@ -530,5 +606,14 @@ class MeshedContact(MovingContact):
         return self._relative(self.error(x, p, enough, shown), *self.seen(x, p))
 
     def _relative(self, error: Defect, equations: Equations, fields: Fields) -> float:
-        here = Values(equations.load(fields), equations.displacement(fields), 0.0, 0.0, 0.0)
-        return float(error.relative(here))
+        load, displacement = self._units(equations, fields)
+        return max(abs(error.load) / load, abs(error.displacement) / displacement)
+
+    def _units(self, equations: Equations, fields: Fields) -> tuple[float, float]:
+        """What errors of load and displacement are relative to: max(1, |value|), or, where edges of regions move by
+        what pressures do, what these bear and lift, if that is less."""
+        load, displacement = (max(1.0, abs(v)) for v in (equations.load(fields), equations.displacement(fields)))
+        if not self.mesh.roots:
+            return load, displacement
+        borne = 2 * math.pi * float((equations.mesh.weights * equations.mesh.nodes) @ np.abs(fields.pressure))
+        return min(load, borne + LEAST), min(displacement, magnitude(fields.h) + LEAST)

@@ -16,7 +16,7 @@ from contbranch.arrays import Array, Indices
 from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between
 
 from .equations import Equations, Fields
-from .mesh import NEAR, Mesh
+from .mesh import LONG, NEAR, NEAR_ROOT, Mesh
 
 __all__ = ["ModeSpace", "inner_mode_pressure"]
 
@@ -33,7 +33,7 @@ class ModeSpace:
     """Trial functions h of one state, orthonormal in ∫ dt, and radii at which their gap is integrated.
 
     On the innermost panel the functions are even polynomials in tau (times t for odd m, as regularity at the axis asks
-    where there is no contact), elsewhere the panels' polynomials.
+    where there is no contact), elsewhere the panels' polynomials. Variations leave the gap where it rests.
 
     Attributes
     ----------
@@ -44,7 +44,9 @@ class ModeSpace:
         ``√(r² − a²)`` and weights of ∫ drho, more of them than the mesh has nodes. The gap of a trial function that
         jumps between panels starts like the root of the distance from there, so the nodes are Gauss' in that root.
     stiffness : array (M,)
-        v'' of the state at rho.
+        v'' of the state at rho; 0 where the gap rests.
+    resting : tuple of int
+        The panels on which it does.
     """
 
     mesh: Mesh
@@ -52,6 +54,7 @@ class ModeSpace:
     rho: Array
     weights: Array
     stiffness: Array
+    resting: tuple[int, ...] = ()
 
     @staticmethod
     def of(equations: Equations, fields: Fields) -> ModeSpace:
@@ -65,10 +68,17 @@ class ModeSpace:
         inner, outer = planes(mesh, a, 0)
         shape, _ = equations.tip.shape_gap(rho, a)
         gap = inner @ (mesh.rule.to_even @ profile[: mesh.order]) + outer @ profile[mesh.order :] + shape
-        if not equations.contact:
-            gap = gap - fields.y
-        stiffness = np.zeros_like(gap) if equations.interaction is None else equations.interaction.evaluate(gap)[2]
-        space = ModeSpace(mesh, a, rho, weights, stiffness)
+        gap = gap + (equations.rest if equations.contact else -fields.y)
+        stiffness, count = np.zeros_like(gap), mesh.order + EXTRA
+        resting: list[int] = []
+        for nodes, region in equations.divided():
+            first, last = nodes.start // mesh.order, nodes.stop // mesh.order
+            own = slice(first * count, last * count)
+            if region.rests:
+                resting += range(first, last)
+            else:
+                stiffness[own] = equations.law.evaluate(region.index, gap[own]).stiffness
+        space = ModeSpace(mesh, a, rho, weights, stiffness, tuple(resting))
         fields.derived["modes"] = space
         return space
 
@@ -84,6 +94,31 @@ class ModeSpace:
         inner, outer = planes(self.mesh, self.radius, m)
         inner = solve_triangular(self._factor(m), inner.T, lower=True).T
         return np.concatenate([inner, outer / np.sqrt(self._outer_weights())], axis=1)
+
+    def basis(self, m: int) -> Array:
+        """What spans the trial functions whose gap vanishes where it rests, against all pressures there; (N, N − K)."""
+        tested = self._tested()
+        whole, _ = np.linalg.qr((tested @ self.plane(m)).T, mode="complete")
+        return whole[:, len(tested) :]
+
+    def resting_pressure(self, m: int, vector: Array) -> Array:
+        """What a mode of eigenvalue 1, whose h is the transform of its pressure, presses where the gap rests; (M,)."""
+        if not self.resting:
+            return np.zeros_like(self.rho)
+        plane, tested = self.plane(m), self._tested()
+        free = vector + np.pi * plane.T @ (self.weights * self.rho * self.stiffness * (plane @ vector))
+        nodal = np.linalg.lstsq(np.pi * (tested @ plane).T, free)[0]
+        return np.asarray(tested.T @ nodal) / (self.weights * self.rho)
+
+    def _tested(self) -> Array:
+        """∫ of the gap times the panels' polynomials of the pressure, r dr, where it rests; (K, M)."""
+        n, count, mesh = self.mesh.order, self.mesh.order + EXTRA, self.mesh
+        tested = np.zeros((len(self.resting) * n, self.rho.size))
+        for k, panel in enumerate(self.resting):
+            own = slice(panel * count, (panel + 1) * count)
+            values = mesh.rule.lagrange(mesh.local(self.rho[own], np.array([panel])))
+            tested[k * n : (k + 1) * n, own] = values.T * self.weights[own] * self.rho[own]
+        return tested
 
     def coefficients(self, m: int, vector: Array) -> tuple[Array, Array]:
         """Coefficients of the even polynomials (times t/L for odd m), and nodal values on the other panels."""
@@ -111,8 +146,10 @@ class ModeSpace:
 def _radii(mesh: Mesh) -> tuple[Array, Array]:
     """`ModeSpace.rho` and `ModeSpace.weights` of a mesh."""
     z, w = gauss(mesh.order + EXTRA)
-    share, length = (z + 1) / 2, np.diff(mesh.edges)[:, None]
-    return (mesh.edges[:-1, None] + length * share**2).ravel(), (length * share * w).ravel()
+    u, length, outer = (z + 1) / 2, np.diff(mesh.edges)[:, None], mesh.root[:, None] > 0
+    # Next to a root beyond, where the gap goes like x log x, they are as dense as next to the inner end.
+    share, rate = np.where(outer, u * u * (3 - 2 * u), u * u), np.where(outer, 3 * u * (1 - u), u)
+    return (mesh.edges[:-1, None] + length * share).ravel(), (length * rate * w).ravel()
 
 
 def planes(mesh: Mesh, a: float, m: int) -> tuple[Array, Array]:
@@ -168,7 +205,8 @@ def _far(mesh: Mesh, a: float) -> tuple[Array, Array, Indices, Indices]:
     left, right = mesh.edges[1:-1], mesh.edges[2:]
     touched = left < rho[:, None]
     distance = np.maximum(0.0, rho[:, None] - right)
-    row, panel = np.nonzero(touched & (distance < NEAR * (right - left)))
+    near = np.where(mesh.root[1:] == 0, NEAR, NEAR_ROOT) * (right - left)
+    row, panel = np.nonzero(touched & (distance < near))
     blocks = far.reshape(len(rho), mesh.panels - 1, n)
     blocks[~touched] = 0.0
     blocks[row, panel] = 0.0
@@ -181,11 +219,44 @@ def _near(mesh: Mesh, a: float, most: int) -> tuple[Array, Array, Array]:
     weights of A_0, and ln(t/r), (pairs, i), for m up to `most`."""
     _, _, row, panel = _far(mesh, a)
     rho = _radii(mesh)[0][row]
-    tau, weights = mesh.arcs(rho, panel + 1, mesh.order + 8 + most // 2)
+    tau, weights, local = _arcs(mesh, rho, panel + 1, mesh.order + 8 + most // 2)
     t, r = np.hypot(a, tau), np.hypot(a, rho)[:, None]
-    local = (tau - mesh.edges[panel + 1][:, None]) / mesh.half[panel + 1][:, None] - 1.0
     values = np.tensordot(mesh.rule.to_chebyshev.T, chebyshev_values(mesh.order, local), 1)
     return values, (2 / np.pi) * weights * (tau / t), np.log(t / r)
+
+
+def _arcs(mesh: Mesh, rho: Array, panel: Indices, count: int) -> tuple[Array, Array, Array]:
+    """Nodes tau on panels below targets rho, weights of ∫ dtau/√(rho² − tau²), and z there; (pairs, count) each.
+
+    With tau = rho sin ψ. On panels with a root s is the root of the distance from there, and so is that of the target:
+    s = s_rho sin ψ from an inner end; from an outer one s = s_rho cosh y, or |s_rho| sinh y for a target beyond.
+    """
+    if not mesh.roots:
+        tau, weights = mesh.arcs(rho, panel, count)
+        return tau, weights, mesh.local(tau, panel[:, None])
+    count += mesh.order + LONG
+    tau, weights = mesh.arcs(rho, panel, count)
+    local, root = mesh.local(tau, panel[:, None]), mesh.root[panel]
+    length, rule = 2 * mesh.half[panel], gauss(count)
+    for kind in (-1, 1, 2):
+        if kind < 0:
+            pick = np.flatnonzero(root < 0)
+            own = (rho[pick] - mesh.edges[panel[pick]]) / length[pick]
+            low, high = np.zeros_like(own), np.arcsin(np.minimum(1.0, 1 / np.sqrt(own)))
+        else:
+            away = (mesh.edges[panel + 1] - rho) / length
+            pick = np.flatnonzero((root > 0) & ((away > 0) == (kind == 1)))
+            own = np.abs(away[pick])
+            low, high = np.zeros_like(own), (np.arccosh if kind == 1 else np.arcsinh)(1 / np.sqrt(own))
+        y = (low + (high - low) / 2)[:, None] + ((high - low) / 2)[:, None] * rule[0]
+        s = np.sqrt(own)[:, None] * {-1: np.sin, 1: np.cosh, 2: np.sinh}[kind](y)
+        if kind < 0:
+            tau[pick], local[pick] = mesh.edges[panel[pick]][:, None] + length[pick][:, None] * s * s, 2 * s - 1
+        else:
+            tau[pick], local[pick] = mesh.edges[panel[pick] + 1][:, None] - length[pick][:, None] * s * s, 1 - 2 * s
+        measure = ((high - low) / 2)[:, None] * rule[1] * 2 * np.sqrt(length[pick])[:, None] * s
+        weights[pick] = measure / np.sqrt(rho[pick][:, None] + tau[pick])
+    return tau, weights, local
 
 
 def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Array:
@@ -214,8 +285,12 @@ def inner_mode_pressure(space: ModeSpace, m: int, vector: Array, r: Array) -> Ar
 
     # The other panels, at their nodes.
     t = np.hypot(a, mesh.nodes[n:])
-    rate = ((outer.reshape(-1, n) @ mesh.rule.derivative.T) / mesh.half[1:, None]).ravel()
+    rate = ((outer.reshape(-1, n) @ mesh.rule.derivative.T) / mesh.scale[1:]).ravel()
     rate = mesh.weights[n:] * (rate - m * outer * mesh.nodes[n:] / t**2)
     total = total + ((r[:, None] / t) ** m / np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])) @ rate
+    if space.resting:  # h jumps where a resting ring ends
+        ends, jumps = mesh.edges[1:], mesh.jumps(np.concatenate([np.zeros(n), outer]))
+        within = np.hypot(a, ends[1:])
+        total -= ((r[:, None] / within) ** m / np.sqrt(ends[1:] ** 2 + distance[:, None])) @ jumps[1:]
     rim = float(inner @ (-1.0) ** np.arange(even)) * (a / mesh.innermost) ** odd
     return np.asarray(-((r / a) ** m * rim / np.sqrt(distance) + total) / np.pi)

@@ -16,9 +16,9 @@ from contbranch.continuation import Linearisation
 from contbranch.curve.problem import Defect, EquilibriumProblem, Work
 
 from .adapt import Solver
-from .creases import AstrayError, Crease, moved_with, velocities
+from .creases import AstrayError, Crease, Row, moved_with, velocities
 from .equations import RECENT, Equations, Fields
-from .front import Edge, Front, lifted
+from .front import Edge, Front
 
 __all__ = ["MovingContact", "Resolution", "order_for"]
 
@@ -94,7 +94,8 @@ class MovingContact(EquilibriumProblem):
         layered = law is not None and math.isfinite(law.wave)
         uneven = self.flat or math.isfinite(equations.tip.table_end)
         self.ordered = not (layered or uneven or isinstance(front, Edge))
-        self._weights = mesh.weights if front is None else front.weights(mesh)
+        weights = mesh.weights if front is None else front.weights(mesh)
+        self._weights = np.insert(weights, mesh.size, np.zeros(len(equations.resting)))
         self.creases = () if front is None else front.creases
         self._carried = velocities(self.creases, front.resting, mesh) if front and self.creases else None
         self._placed: list[tuple[Array, Equations]] = []
@@ -108,7 +109,7 @@ class MovingContact(EquilibriumProblem):
         self._shown = math.inf, 0  # what share of an estimate care has left, and how often that still counts
         self._row = math.nan  # parameter of the last row that was resolved
         self.work = self.resolution.work
-        self.work.unknowns = max(self.work.unknowns, mesh.size)
+        self.work.unknowns = max(self.work.unknowns, equations.size)
 
     def coordinate(self, u: float) -> float:
         """Contact coordinate y of the parameter."""
@@ -167,13 +168,13 @@ class MovingContact(EquilibriumProblem):
         if self.front is None:
             return fields.residual
         off = [self.front.off(self.mesh, equations, fields, float(x[self.size]))]
-        off += [float(row @ fields.gap[nodes]) - value for nodes, row, value in self._rows]
+        off += [row.off(fields) for row in self._rows]
         return np.append(fields.residual, off) / self.growth(x)
 
     @cached_property
-    def _rows(self) -> list[tuple[slice, Array, float]]:
+    def _rows(self) -> list[Row]:
         """What says how far creases are off."""
-        return [crease.row(self.mesh, self.equations.kinks) for crease in self.creases]
+        return [crease.row(self.mesh, self.equations) for crease in self.creases]
 
     def jacobian(self, x: Array, p: float) -> Array:
         """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
@@ -207,12 +208,12 @@ class MovingContact(EquilibriumProblem):
         rows[0], corner[0, 0], _ = self.front.derivatives(unit, equations, fields)
         lift, stretched = equations.spread(fields, self.front.power)
         columns = stretched[:, None]
-        for k, (nodes, row, _) in enumerate(self._rows, 1):
-            rows[k], corner[k, 0] = lifted(equations, fields, nodes, row), row @ lift[nodes]
+        for k, row in enumerate(self._rows, 1):
+            rows[k], corner[k, 0] = row.by_state(equations, fields), row.by_gap(lift)
         if self.creases:
             gaps, taken = equations.drift(fields, *self._motion(equations))
-            corner[0, 1:] = [self.front.passing(unit, gap) for gap in gaps]
-            corner[1:, 1:] = [gaps[:, nodes] @ row for nodes, row, _ in self._rows]
+            corner[0, 1:] = self.front.passing(unit, equations, gaps)
+            corner[1:, 1:] = [row.by_gap(gaps) for row in self._rows]
             columns = np.column_stack([stretched, taken.T])
         columns, corner = columns / growth, corner / growth
         columns[:, 0] -= self.front.power * residual[:n]
@@ -220,7 +221,7 @@ class MovingContact(EquilibriumProblem):
         return rows, columns, corner
 
     def _motion(self, equations: Equations) -> tuple[Array, Array]:
-        """Rates of the edges and nodes of a mesh with the motions of the creases, (m, P + 1) and (m, N)."""
+        """Rates of the edges and targets of a mesh with the motions of the creases, (m, P + 1) and (m, N + R)."""
         assert self._carried is not None
         stretch = equations.mesh.end / self.mesh.end
         return stretch * self._carried[0], stretch * self._carried[1]
@@ -231,7 +232,7 @@ class MovingContact(EquilibriumProblem):
         residual = equations.slopes(fields)[1]
         if self.front is not None:
             off = [self.front.derivatives(self.mesh, equations, fields)[2]]
-            off += [float(row @ equations.slopes(fields)[0][nodes]) for nodes, row, _ in self._rows]
+            off += [float(row.by_gap(equations.slopes(fields)[0])) for row in self._rows]
             residual = np.append(residual, off) / self.growth(x)
         return residual * (self.scale * math.cosh(p))
 
@@ -261,10 +262,10 @@ class MovingContact(EquilibriumProblem):
     def _passing(self, x: Array) -> Array:
         """Rates of h, as a state has it, with σ and the motions of the creases where nothing changes but the mesh."""
         assert self.front is not None
-        h, mesh = x[: self.size], self.placed(x).mesh
-        slope = mesh.derivative(h)
-        creases = () if self._carried is None else self._carried[1]
-        return np.column_stack([mesh.nodes * slope - self.front.power * h, *(rate * slope for rate in creases)])
+        state, placed = x[: self.size], self.placed(x)
+        slope, nodes = placed.sloped(state), placed.with_resting(placed.mesh.nodes)
+        creases = () if self._carried is None else map(placed.with_resting, self._carried[1][:, : self.mesh.size])
+        return np.column_stack([nodes * slope - self.front.power * state, *(rate * slope for rate in creases)])
 
     def following(self, x_rate: Array, x: Array, p: float, p_rate: float) -> Array:
         """The same direction as one that goes with a mesh at rest, with the mesh moving as its front does."""
@@ -293,7 +294,7 @@ class MovingContact(EquilibriumProblem):
         found = self._weights * u
         if self._slopes is not None:
             mesh = self.mesh
-            found[: self.size] += mesh.derivative_dual(self._slopes * mesh.derivative(u[: self.size]))
+            found[: mesh.size] += mesh.derivative_dual(self._slopes * mesh.derivative(u[: mesh.size]))
         return found
 
     def direction(self, x: Array, p: float) -> tuple[Array, float]:
@@ -329,7 +330,7 @@ class MovingContact(EquilibriumProblem):
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.mesh.size
+        return self.equations.size
 
     @property
     def flat(self) -> bool:

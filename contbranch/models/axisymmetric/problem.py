@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, islice
 from typing import TYPE_CHECKING
@@ -26,7 +26,7 @@ from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
 from contbranch.continuation.newton import correct
 from contbranch.continuation.problem import UnresolvedError
-from contbranch.continuation.walk import annotated
+from contbranch.continuation.walk import annotated, unit_tangent
 from contbranch.control import Control
 from contbranch.curve.events import Margin
 from contbranch.curve.problem import (
@@ -47,18 +47,24 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 
 from .azimuthal import counted, eigenvalues, mode_shape
-from .equations import ContactCoordinate, Equations, Fields, felt
+from .changes import begun, born, narrowness, positions, problem_of, vanished
+from .creases import Crease, Row
+from .equations import ContactCoordinate, Equations, felt
 from .front import Edge, Front
+from .law import BandedLaw
+from .laying import Functions, laid_edges, led_by
+from .layout import Region
 from .mesh import mesh_on
+from .meshed import MOST, MeshedContact
+from .moving import Resolution, order_for
 from .profile import profile_of
+from .regions import least_margin, radii_of
 from .relaxation import Release
 from .search import search_from
-from .slope import load_per_displacement
+from .slope import load_per_displacement, rates_of_answer
 
 if TYPE_CHECKING:
     from contbranch.models.rings.disc import Disc
-from .meshed import MOST, MeshedContact
-from .moving import Resolution, order_for
 
 __all__ = ["ContactProblem", "first_problem"]
 
@@ -127,6 +133,14 @@ LOUD, LOUDER = 1e5, 1e3 * NOISE
 BARRIER, PRESSED = 400, 0.1
 # Radii and gaps of one state in both models of contact differ by no more than this share of the interaction's range.
 SAME = 1e-2
+# Radius of the disc on which a jump of the pressure begins, as a share of that at which the displacement first turns,
+# and the smallest one looked at as a share of the radius at which the undeformed tip has that gap.
+BORN, LEAST_DISC = 1e-2, 1e-9
+# Stiffness of a film times its extent below which elasticity all but does not answer: rings in it are left to the model
+# with free boundaries, whose displacement is counted from where the surfaces meet.
+WEAK = 3e-2
+# Where a curve starts at least, in units of the outermost gap at which the pressure jumps.
+BEYOND = 1.5
 # At first touch a mesh aims at this share of the tolerance, since tiny contacts ask for more than the touch itself.
 AHEAD = 0.1
 
@@ -142,9 +156,8 @@ def _begun(resolution: Resolution, contact: Contact, edges: Array, touching: boo
     tip, law = contact.axisymmetric_tip, contact.interaction
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
     scale = 1.0 if law is None else min(term.range for term in law.terms)
-    return ContactProblem(
-        Equations(tip, law, mesh_on(edges, resolution.order), coordinate, touching), scale, resolution
-    )
+    around, mesh = (Region(False, BandedLaw(law).outermost),), mesh_on(edges, resolution.order)
+    return ContactProblem(Equations(tip, law, mesh, coordinate, touching, around), scale, resolution)
 
 
 def regained(resolution: Resolution, contact: Contact, disc: Disc) -> Point:
@@ -173,8 +186,17 @@ def regained(resolution: Resolution, contact: Contact, disc: Disc) -> Point:
     return point if alike(found, rates_of(point), disc.along) else point.turned()
 
 
+@dataclass(eq=False, repr=False)
 class ContactProblem(MeshedContact):
-    """The curve of a contact on one side of first touch, and what succeeds it."""
+    """The curve of a contact on one side of first touch, and what succeeds it.
+
+    Parameters
+    ----------
+    vanishing : tuple of float
+        Widths in shares of the outermost edge at which regions vanish on this piece of the curve; 0: never.
+    """
+
+    vanishing: tuple[float, ...] = ()
 
     def start(self, control: Control) -> Point:
         """Far away, where the interaction is negligible at the accuracy asked, and softer than a spring."""
@@ -188,7 +210,7 @@ class ContactProblem(MeshedContact):
             negligible = min(0.1, START_SHARE * self.resolution.accuracy / (2 * math.pi))
             if control.spring_stiffness is not None:
                 negligible = min(negligible, SOFTER * control.spring_stiffness * self.scale / (2 * math.pi))
-            far = law.reach(max(negligible, np.finfo(float).tiny))
+            far = max(law.reach(max(negligible, np.finfo(float).tiny)), BEYOND * self.equations.law.levels[-1])
             if far < law.kink < math.inf:  # all may happen next to it
                 far = law.reach(min(negligible, NEXT_TO_NOTHING))
             width = contact.axisymmetric_tip.radius_at(min(far, 4 * max(term.range for term in law.terms)))
@@ -239,19 +261,36 @@ class ContactProblem(MeshedContact):
         return law is None or law.convex
 
     def balance(self, start: Point, step: float | None = None) -> Balance:
-        """First scales; `step`: of the parameter, a kink at first touch long past, as it is where a contact begins."""
+        """First scales; `step`: of the parameter, a kink at first touch long past, as it is where a contact begins, or
+        of the edges of regions."""
+        if self.mesh.roots and step is not None:
+            _, by_stretch, moves = positions(self, start.x)
+            motion = magnitude(by_stretch * start.tangent_x[self.size] + moves @ start.tangent_x[self.size + 1 :])
+            length = step / max(motion, 1e-300) / STEPS.first_step
+            state = math.sqrt(self.inner(start.tangent_x, start.tangent_x))
+            return Balance(length * state, max(length * abs(start.tangent_parameter), 1e-9))
         if start.parameter > 0.0:
             step = start.parameter
         if step is None:
             return super().balance(start)
-        length = step / STEPS.first_step
-        return Balance(CALM * length * math.sqrt(self.inner(start.tangent_x, start.tangent_x)), length)
+        length, slope = step / STEPS.first_step, math.sqrt(self.inner(start.tangent_x, start.tangent_x))
+        return Balance(CALM * length * slope / abs(start.tangent_parameter), length)
+
+    def leaving(self, start: Point, step: float | None) -> Point:
+        """With a tangent along which the first step is as long as `balance` has it."""
+        if step is None or not self.mesh.roots:
+            return start
+        options = self.steps(start)
+        return unit_tangent(start, self.balance(start, step).metric(options.weight, options.state_floor))
 
     @property
     def parameter_range(self) -> tuple[float, float]:
-        """First touch, u = 0, is where either side ends; a contact grows no larger than the tip."""
+        """First touch, u = 0, is where either side ends, or where the interaction jumps in the middle; a contact grows
+        no larger than the tip."""
+        if any(region.rests for region in self.equations.regions):
+            return -math.inf, math.inf
         if not self.equations.contact:
-            return self.resolution.far, 0.0
+            return self.resolution.far, self.parameter(-self._ahead)
         coordinate, extent = self.equations.coordinate, self.equations.tip.extent
         return 0.0, self.parameter(coordinate.of(extent, 0.0)) if math.isfinite(extent) else math.inf
 
@@ -282,13 +321,29 @@ class ContactProblem(MeshedContact):
         return FAR * gap * math.sqrt(math.sqrt(2 * gap))
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
-        """Whether a disc is right: smallest gap outside and wall pressure inside, in the interaction's own units."""
+        """The inequality of contact closest to failing, and how far the narrowest region is from vanishing."""
         equations, fields = self.seen(x, p)
-        if "admissible" not in fields.derived:
-            fields.derived["admissible"] = equations.admissibility(fields, self.scale)
-        least, extent = fields.derived["admissible"][0], equations.tip.extent
-        known = {"inadmissible": least + (TOLERATED if self.equations.contact else 0.0)}
-        return known if math.isinf(extent) else known | {"tip-edge": WHOLE - fields.rim.radius / extent}
+        extent = equations.tip.extent
+        if self.divided:
+            breach = least_margin(equations, fields, self.scale)
+            known = {"inadmissible": 1.0 if breach is None else min(breach.margin, 1.0)}
+        else:
+            if "admissible" not in fields.derived:
+                fields.derived["admissible"] = equations.admissibility(fields, self.scale)
+            known = {"inadmissible": fields.derived["admissible"][0] + (TOLERATED if equations.contact else 0.0)}
+        known |= {"narrow": narrowness(self.vanishing, radii_of(equations, fields))} if any(self.vanishing) else {}
+        return known if math.isinf(extent) else known | {"tip-edge": WHOLE - self._outermost(x, p) / extent}
+
+    def _outermost(self, x: Array, p: float) -> float:
+        """Radius of the contact, or that up to which the pressure jumps."""
+        equations, fields = self.seen(x, p)
+        roots = equations.mesh.edges[list(equations.mesh.roots)]
+        return math.hypot(fields.rim.radius, roots.max(initial=0.0))
+
+    @property
+    def divided(self) -> bool:
+        """Whether there may be more than a disc, so that the inequalities of all regions are asked for."""
+        return bool(self.mesh.roots) or len(self.equations.law.levels) > 1
 
     def cause(self, name: str, point: Point) -> str:
         """Next to the edge of a tip, a corner at which films are squeezed out first, no ring follows a disc."""
@@ -298,11 +353,14 @@ class ContactProblem(MeshedContact):
         return "tip-edge" if name == "inadmissible" and outside else name
 
     def margin(self, x: Array, p: float, name: str) -> float:
-        """Also the wall pressure in the middle, where discs open into rings."""
-        if name != "middle":
+        """Also the inequalities without tolerance, and the wall pressure in the middle, where discs open into rings."""
+        if name == "middle":
+            equations, fields = self.seen(x, p)
+            return equations.on_wall(fields, self.scale, equations.middle_pressure(fields))
+        if name != "breach":
             return super().margin(x, p, name)
-        equations, fields = self.seen(x, p)
-        return equations.on_wall(fields, self.scale, equations.middle_pressure(fields))
+        breach = least_margin(*self.seen(x, p), self.scale)
+        return 1.0 if breach is None else breach.margin
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
         """First touch is followed by a disc of contact, a contact set that stops being a disc by any other.
@@ -314,10 +372,27 @@ class ContactProblem(MeshedContact):
         """
         last = points[-1]
         if name == "inadmissible":
-            return self._freed(points)
+            # Meshes with regions move with their edges alone; the model with free boundaries follows steep fronts, too.
+            equations, fields = self.seen(last.x, last.parameter)
+            weak = magnitude(fields.stiffness) * equations.mesh.end < WEAK
+            if (weak or self.front is not None) and not self.divided:
+                return self._freed(points)
+            try:
+                return born(points)
+            except ModelError:
+                if self.divided:
+                    raise
+                return self._freed(points)
+        if name == "narrow":
+            return vanished(points)
+        if self._ahead and not self.equations.contact:
+            start = self._entered(Functions(*self.seen(last.x, last.parameter)))
+            # The disc grows by a factor of order one within next to no change of the gap where the body is stiff.
+            growth = abs(start.tangent_parameter / float(start.tangent_x[equilibrium(start).size]))
+            return Succession("", last, (start,), step=STEPS.first_step * growth)
         if last.parameter != 0.0 or self.equations.contact:
             return None
-        still, h = self.still(last.x)
+        still, h = (self, last.x) if self.mesh.roots else self.still(last.x)
         disc = still._behind()
         start = disc.touching(h)
         problem = start.problem
@@ -325,14 +400,61 @@ class ContactProblem(MeshedContact):
         step = problem.ahead(start.x) if isinstance(problem, ContactProblem) and kinked else None
         if step and step**2 * problem.inner(start.tangent_x, start.tangent_x) > problem.inner(start.x, start.x):
             step = None  # a dimple far smaller than the film touches
+        start = begun(start) if self.mesh.roots else start
         starts = (start,) if start.label and not disc.flat else (*islice(disc.passed(start), 1), start)
         return Succession("touch", last, starts, step=step, others=lambda: chain(disc.graded(h), disc.passed(start)))
 
+    @property
+    def _ahead(self) -> float:
+        """The gap at which the middle is attracted next by a pressure that jumps; 0 without."""
+        law, index = self.equations.law, self.equations.regions[0].index
+        return 0.0 if law.holds(index) else law.levels[index]
+
+    def _entered(self, before: Functions) -> Point:
+        """The state in which the pressure has just jumped on a small disc in the middle, on its way to grow."""
+        equations = before.equations
+        if isinstance(self.front, Edge):
+            raise ModelError(
+                "The law is felt up to the edge of the tip, where its description ends: this model does not represent "
+                "that together with a pressure that jumps"
+            )
+        law, tip, around = equations.law, equations.tip, equations.regions
+        band = around[0].index - 1
+        vanishes = not equations.mesh.bounded and law.vanishes(around[-1].index)
+        outer, bounded = around[:-1] if vanishes else around, equations.mesh.bounded or vanishes
+        level, jump = law.levels[band + 1], law.pressure(band, band + 1) - law.pressure(band + 1, band + 1)
+        # The displacement has its first fold where the tip's slope is that of what a uniform pressure lifts, and the
+        # surfaces touch at the latest where that is the level.
+        size = float(tip.radius_at(level))
+        slope, places = 4.0 * abs(jump) / math.pi, size * np.geomspace(1.0, LEAST_DISC, 200)
+        steep = places[tip.height_derivative(places) > slope]
+        size = BORN * min(float(steep[-1]) if 0 < steep.size < places.size else size, level / slope)
+        # At least one that hardly changes the displacement: what is smaller than that is not resolved.
+        missed = START_SHARE * self.resolution.accuracy * max(1.0, level)
+        size = max(size, min(float(tip.radius_at(missed)), missed / slope))
+        roots = np.append(size, equations.mesh.edges[list(equations.mesh.roots)])
+        edges = laid_edges(roots, before.ends, bounded)
+        mesh = mesh_on(edges, self.resolution.order, bounded, tuple(np.flatnonzero(np.isin(edges, roots)).tolist()))
+        own = replace(equations, mesh=mesh, regions=(Region(False, band), *outer))
+        h = before.transformed(mesh.nodes) + mesh.abel_of(np.where(mesh.nodes < size, jump, 0.0))
+        fields = own.fields(h, 0.0)
+        y = float(Row(*mesh.row(size), level).off(fields))
+        front = led_by(own, own.fields(h, y))
+        problem = replace(self, equations=own, front=front)
+        x, u = np.append(h, np.zeros(1 + len(front.creases) if front else 0)), self.parameter(y)
+        problem, x = problem.resolved(problem.solve_at(x, u), u, self.resolution.tolerance)
+        return oriented(problem, x, u, (np.zeros(x.size), 1.0))
+
+    def displaced(self, x: Array, p: float) -> tuple[Array, float]:
+        """The derivatives of the displacement, as far as the mesh gives it."""
+        row = self.equations.rim_row, self.rates(x, p, np.zeros(x.size), 1.0).displacement
+        if self.front is None:
+            return row
+        return np.append(row[0] * self.growth(x), np.zeros(x.size - self.mesh.size)), row[1]
+
     def _at_displacement(self, x: Array, p: float, displacement: float | None = None) -> tuple[Array, float]:
         """The solution next to a state with its displacement, or with another one."""
-        row = self.equations.rim_row, self.rates(x, p, np.zeros(x.size), 1.0).displacement
-        if self.front is not None:
-            row = np.append(row[0] * self.growth(x), np.zeros(x.size - self.size)), row[1]
+        row = self.displaced(x, p)
         if displacement is not None:
             p += (displacement - self.values(x, p).displacement) / row[1]
         found = correct(self, (x, p), row, self.metric(x), OPTIONS)
@@ -340,7 +462,9 @@ class ContactProblem(MeshedContact):
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
-        return replace(self, equations=self.equations.touching(not self.equations.contact), front=None)
+        front = self.front if self.mesh.roots else None
+        other = self.equations.touching(not self.equations.contact)
+        return replace(self, equations=other, front=front, vanishing=())
 
     def across(self, x: Array, p: float) -> tuple[Point, ...]:
         """First touch on the other side.
@@ -349,7 +473,7 @@ class ContactProblem(MeshedContact):
         """
         if p != 0.0:
             return ()
-        still, h = self.still(x)
+        still, h = (self, x) if self.mesh.roots else self.still(x)
         other = still._behind()
         if other.equations.contact:
             return other.touching(h), *other.graded(h)
@@ -387,7 +511,7 @@ class ContactProblem(MeshedContact):
         """
         problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
         problem, x = problem.anchored(problem._fronted(x, 0.0), x, 0.0)
-        kinked = problem.moves and problem.resists(x)
+        kinked = (problem.moves or bool(problem.mesh.roots)) and problem.resists(x)
         if kinked and (found := problem._beyond(x)):
             return found
         rate, one = problem.direction(x, 0.0)
@@ -395,9 +519,11 @@ class ContactProblem(MeshedContact):
 
     def ahead(self, x: Array) -> float:
         """Parameter of a contact that has long passed the kink at first touch x, seen from the front."""
-        radius = SEEN * (self.front.place if isinstance(self.front, Front) else 1.0)
+        radius, mesh = SEEN, self.seen(x, 0.0)[0].mesh
+        if isinstance(self.front, Front):
+            radius *= self.front.place * self._stretch(x)
         if self.flat:
-            radius = max(min(radius, DISHED * self.mesh.innermost), self._clear(x))
+            radius = max(min(radius, DISHED * mesh.innermost), self._clear(x))
         return self._grown(radius)
 
     def _grown(self, radius: float) -> float:
@@ -484,7 +610,8 @@ class ContactProblem(MeshedContact):
                 "the wall would have to pull."
             )
         if name == "tip-edge":
-            return "The contact has come to the edge of the tip, where its description ends."
+            what = "range of the interaction" if self.mesh.roots else "contact"
+            return f"The {what} has come to the edge of the tip, where its description ends."
         tip = self.equations.tip
         if not math.isfinite(tip.extent):
             return ""
@@ -528,26 +655,68 @@ class ContactProblem(MeshedContact):
         equations, fields = self.seen(x, p)
         y_rate, h_rate, stretching, power = self.scale * math.cosh(p) * p_rate, x_rate, 0.0, 0.0
         if self.front is not None:
-            n = self.size
-            h_rate, stretching, power = self.growth(x) * x_rate[:n], float(x_rate[n]), self.front.power
+            n = self.mesh.size
+            h_rate, stretching, power = self.growth(x) * x_rate[:n], float(x_rate[self.size]), self.front.power
         load, displacement = equations.rates(fields, h_rate, y_rate, stretching, power)
         if self.creases:
             edges, nodes = (x_rate[self.size + 1 :] @ rates for rates in self._motion(equations))
             own = equations.drift_rates(fields, edges, nodes)
             load, displacement = load + own[0], displacement + own[1]
-        if 0.0 <= p < TINY and equations.interaction is not None:
+        if 0.0 <= p < TINY and equations.interaction is not None and not equations.resting.size:
             parts = abs(float(equations.rim_row @ h_rate))
             if abs(displacement) > max(MOVING * parts, AT_ALL * magnitude(h_rate)):
-                load = self._slope(x, equations, fields) * displacement
-        if equations.contact:
-            return Rates(load, displacement, equations.coordinate.slopes(fields.y)[0] * y_rate, 0.0)
-        return Rates(load, displacement, 0.0, -y_rate)
+                load = self._slope(x, p) * displacement
+        wall = 0.0
+        if any(region.rests and not region.index for region in equations.regions):
+            places, by_stretch, moves = positions(self, x)
+            k = self._wall_edge
+            a, area = fields.rim.radius, equations.coordinate.slopes(fields.y)[1] * y_rate if equations.contact else 0.0
+            motion = by_stretch[k] * x_rate[self.size] + moves[k] @ x_rate[self.size + 1 :]
+            wall = (0.5 * area + places[k] * motion) / math.hypot(a, places[k])
+        elif equations.contact and not equations.level:
+            wall = equations.coordinate.slopes(fields.y)[0] * y_rate
+        return Rates(load, displacement, wall, 0.0 if equations.contact else -y_rate)
 
-    def _slope(self, x: Array, equations: Equations, fields: Fields) -> float:
+    def _slope(self, x: Array, p: float) -> float:
+        equations, fields = self.seen(x, p)
+        if "slope" not in fields.derived and self.mesh.roots:
+            fields.derived["slope"] = self._slope_with_jumps(x, p)
         if "slope" not in fields.derived:
             fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(x))
         slope: float = fields.derived["slope"]
         return slope
+
+    def _moved(self, x: Array, p: float) -> tuple[list[tuple[Row, Front | Crease]], Array, Array]:
+        """What says where what the mesh moves with is, and that, (1 + m,), and rates of the gaps and of the residual
+        with these motions at fixed h, (1 + m, N + R) and (1 + m, N)."""
+        (equations, fields), front, n = self.seen(x, p), self.front, self.mesh.size
+        assert isinstance(front, Front)
+        own: list[tuple[Row, Front | Crease]] = [(front.row(self.mesh, self.equations), front)]
+        own += zip(self._rows, self.creases, strict=True)
+        columns = [equations.spread(fields, 0.0)]
+        if self.creases:
+            columns += zip(*equations.drift(fields, *self._motion(equations)), strict=True)
+        return own, np.array([gap for gap, _ in columns]), np.array([residual[:n] for _, residual in columns])
+
+    def _slope_with_jumps(self, x: Array, p: float) -> float:
+        """`load_per_displacement` where the places at which the pressure jumps answer the motion, too."""
+        (equations, fields), (own, gaps, residuals) = self.seen(x, p), self._moved(x, p)
+        response = equations.response(fields)
+        response.flat[:: len(response) + 1] += 1.0
+        known = np.column_stack([np.ones(len(response)), residuals.T])
+        answers = -np.linalg.solve(response, known)  # of h less the rigid motion
+        changes = (fields.rim.plane_to_targets @ answers).T
+        changes[1:] += gaps
+        off = np.array([row.by_gap(changes) for row, _ in own])
+        motions = np.append(1.0, -np.linalg.solve(off[:, 1:], off[:, 0]))
+        parts = [
+            rates_of_answer(equations, fields, 1.0 + answers @ motions),
+            equations.rates(fields, 0.0 * fields.h, 0.0, 1.0),
+        ]
+        if self.creases:
+            parts += [equations.drift_rates(fields, *rates) for rates in zip(*self._motion(equations), strict=True)]
+        load, displacement = motions @ np.array(parts)
+        return float(load / displacement)
 
     def unstable(self, x: Array, p: float) -> int:
         """Negative eigenvalues of the second variation at fixed displacement, by inertia.
@@ -556,6 +725,8 @@ class ContactProblem(MeshedContact):
         that of a stiff contact, whose rim is all but indifferent to where it is, on a sharper mesh.
         """
         equations, fields = self.seen(x, p)
+        if self.mesh.roots:
+            return equations.unstable_modes(fields) + self._unstable_jumps(x, p)
         least = INDIFFERENT if self.film and equations.contact else 0.0
         found = equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
         if not (found and self.within(x, p)):
@@ -564,8 +735,40 @@ class ContactProblem(MeshedContact):
         sharper, fields = problem.seen(x, p)
         return sharper.unstable_modes(fields, least=least)
 
+    def _unstable_jumps(self, x: Array, p: float) -> int:
+        """By how much places where the pressure jumps raise the Morse index at fixed displacement.
+
+        The energy depends on h and on these places; where they are stationary each gap is its level. Its second
+        derivatives by the places, once h has answered, are a Schur complement (Haynsworth: inertias add). The energy of
+        an attraction is the least of all places, that of a repulsion the largest, which takes one direction each.
+        """
+        (equations, fields), (own, lifts, residuals) = self.seen(x, p), self._moved(x, p)
+        jumping = [k for k, (row, one) in enumerate(own) if one.root and not row.rests]
+        if not jumping:
+            return 0
+        response = equations.response(fields)
+        response.flat[:: len(response) + 1] += 1.0
+        answered = np.linalg.solve(response, residuals[jumping].T)
+        gaps = lifts[jumping].T - fields.rim.plane_to_targets @ answered
+        form, signs = [], []
+        for k in jumping:
+            row, one = own[k]
+            level = equations.law.levels.index(one.value if isinstance(one, Crease) else one.gap)
+            above, below = equations.law.bounds(level)
+            place = one.place * (one.place if k == 0 else 1.0)  # of the leading one, the logarithm moves
+            slope = one.slope if isinstance(one, Crease) else 1.0
+            form.append((above - below) * place * slope * row.by_gap(gaps.T))
+            signs.append(above < below)
+        matrix = np.array(form)
+        return int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0.0).sum()) - sum(signs)
+
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
-        """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m)."""
+        """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m).
+
+        Where an axisymmetric one is and the pressure jumps they are not known.
+        """
+        if unstable and self.equations.steps:
+            return None
         return counted(*self.seen(x, p), unstable, limit, near) if unstable else Count()
 
     def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
@@ -589,15 +792,14 @@ class ContactProblem(MeshedContact):
 
     def search(self, points: Sequence[Point]) -> Search | None:
         """On one mesh, from rows and undeformed states; without interaction there is nothing to find."""
-        return None if self.equations.interaction is None else search_from(self, points)
+        if self.equations.interaction is None or self.mesh.roots:
+            return None
+        return search_from(self, points)
 
-    def relaxed(
-        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
-    ) -> int | None:
+    def relaxed(self, fold: Point, control: Control, direction: int, others: Sequence[Point]) -> int | None:
         """Followed with a viscous half space, see `relaxation`."""
-        y, goals = self.coordinate(fold.parameter), [self.coordinate(other.parameter) for other in others]
-        equations, fields = self.seen(fold.x, fold.parameter)
-        return Release(equations, fields.h, y, self.scale, control, direction, guarded).nearest(goals)
+        states = [Functions(*problem_of(point).seen(point.x, point.parameter)) for point in (fold, *others)]
+        return Release(states[0], self.scale, control, direction).nearest(states[1:])
 
     def rows_within(self, tolerance: float) -> ContactProblem:
         """The first problem of the chain with rows as accurate as this."""
@@ -614,7 +816,7 @@ class ContactProblem(MeshedContact):
         if tolerance is not None:
             resolution = Resolution(tolerance, order_for(tolerance), work=self.work)
         coordinate = ContactCoordinate(tip, old.coordinate.power)
-        equations = Equations(tip, contact.interaction, old.mesh, coordinate, old.contact)
+        equations = Equations(tip, contact.interaction, old.mesh, coordinate, old.contact, old.regions, old.level)
         return replace(self, equations=equations, resolution=resolution)
 
     def answer(self, x: Array) -> float:
@@ -622,15 +824,15 @@ class ContactProblem(MeshedContact):
         return 0.5 / max(1.0, magnitude(self.fields(x, 0.0).stiffness))
 
     def resists(self, x: Array) -> bool:
-        """Whether the film at first touch is so stiff that a contact has a kink of its own."""
-        return 0.5 / max(1.0, float(self.fields(x, 0.0).stiffness[0])) < STIFF
+        """Whether the film at first touch is so stiff that a contact has a kink of its own, or the pressure jumps."""
+        return bool(self.mesh.roots) or 0.5 / max(1.0, float(self.fields(x, 0.0).stiffness[0])) < STIFF
 
     def graded(self, x: Array) -> list[Point]:
         """First touch with panels graded down to the length on which elasticity answers the interaction."""
         mesh, length = self.mesh, self.answer(x)
         if length >= mesh.innermost:
             return []
-        problem, x = self.on(mesh_on(_graded(mesh.edges, length), self.resolution.order, mesh.bounded), x, 0.0)
+        problem, x = self.on(self._mesh(_graded(mesh.edges, length), self.front, mesh.bounded), x, 0.0)
         return [problem.touching(x)]
 
 

@@ -2,14 +2,15 @@
 
 The half space is given a viscosity (Kelvin and Voigt's): ``q = (E/2)(h + dh/dt)`` in units of the viscous time, so that
 the flow is the steepest descent of the energy in the norm ∫ h² dt of the elastic energy, with the wall and the drive as
-constraints. An implicit Euler step of length 1/s minimises V + s ∫ (h − h_n)² dt:
+constraints. An implicit Euler step of length 1/s is equilibrium with another elasticity, for the pressures p(r):
 
-    (1 + s) h(t) − s h_n(t) = 2 ∫_t^∞ σ p_fr(g) / √(σ² − t²) dσ  for t > a,   phi(a) = 0
-    F = 2 ∫ [h + s (h − h_n)] dt
+    g = A h + f − d,      (1 + s) h = s h_n + B p,      p = p_fr(g),  or g rests at a level of the law
+    F = 2 ∫ [h + s (h − h_n)] dt + 2 c s (d − d_n)
 
-which is equilibrium with another elasticity: the same unknowns, the same rim condition. The tip as a whole has a drag
-of the same viscosity over the width c = √(2 z0) of the interaction, which adds 2 c s (d − d_n) to F: without it a rigid
-tip pushed beyond its largest load would have no state to go to.
+with the Abel integrals A and B (`plane` and `abel`, a = 0) and the undeformed tip f. The tip as a whole has a drag of
+the same viscosity over the width c = √(2 z0) of the interaction: without it a rigid tip pushed beyond its largest load
+would have no state to go to. Whatever the contact set, every node floats in a band of the law or rests at a level
+(semismooth Newton's method); one mesh serves, since the flow only decides between states that are known.
 """
 
 from __future__ import annotations
@@ -20,60 +21,67 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contbranch.arrays import Array, magnitude
+from contbranch.arrays import Array, Flags, Indices, magnitude
 from contbranch.control import Control
 from contbranch.watch import check
 
-from .adapt import adapted_edges, needed_reach
 from .equations import Equations
-from .mesh import mesh_on
+from .laying import Functions
+from .mesh import Mesh, mesh_on
 
 __all__ = ["Release"]
 
-# To leave the fold, the load is moved on by this share of the interaction's own, a displacement by that of its range.
-NUDGE = 1e-4
-# Change of the contact parameter u in a step (without contact also of the gap in units of twice the range): aimed at,
-# allowed, and allowed past a stable state, whose basin a longer step might leap over.
-AIM, LARGEST, PASSING = 0.05, 0.15, 0.01
-FIRST_STEP, LONGEST, SHORTEST = 0.1, 1e14, 1e-6
-# Largest factor from one step to the next, and by how much it grows again where a step failed.
-GROWTH, RECOVERY = 3.0, 1.3
-STEPS, NEWTON = 2000, 20
-# Newton's method is given up where its corrections have not halved for so many: a shorter step costs less than luck.
-PATIENCE = 4
-# The control is pushed on by so much more where the flow does not leave the fold; it has arrived at a state so close in
-# u.
-PUSHES, ARRIVED = (1.0, 10.0, 100.0), 0.1
-# Meshes for the flow: it decides between states, which are then found to the accuracy asked.
-TOLERANCE = 1e-4
-# Where attraction and repulsion all but cancel, the load is this small a share of what either could carry, or smaller.
-SMALLEST_SHARE = 1e-7
+# To leave the fold, the load is moved on by this share of the interaction's own, a displacement by that of its range;
+# where the flow does not leave it, by so many times more: the fold lies a little aside on the mesh of the flow.
+NUDGE, PUSHES = 1e-3, (1.0, 10.0, 100.0)
+# Changes of gaps in a step, in ranges: aimed at, and allowed.
+AIM, LARGEST = 0.2, 0.4
+# Lengths of steps, in viscous times, and the largest factor from one to the next.
+FIRST_STEP, LONGEST, SHORTEST, GROWTH = 0.1, 1e14, 1e-6, 5.0
+STEPS, NEWTON, CONVERGED = 400, 20, 1e-9
+# Panels over the radius within which a state is felt, the innermost one's share of them, nodes each, and by how much
+# longer each is beyond, up to this multiple of the radius. What moves passes nodes, so that few on each are best.
+PANELS, INNERMOST, ORDER, LONGER, REACH = 60, 0.02, 2, 1.3, 20.0
+# A pressure is felt that is this share of the largest.
+FELT = 1e-3
+# It has arrived at a state so close, in ranges, and closer by this factor than to any other.
+ARRIVED, CLOSER = 0.3, 2.0
 
 
+@dataclass(frozen=True)
 class _State:
-    """h on the mesh of its own rim, and the functions of t that the next step needs."""
+    """h, pressure and gap at the nodes; the bands in which these float, or the levels at which they rest."""
 
-    def __init__(self, equations: Equations, h: Array, y: float) -> None:
-        self.equations, self.h, self.y = equations, h, y
-        self.fields = equations.fields(h, y)
-        self.displacement = equations.displacement(self.fields)
-        self.load = equations.load(self.fields)
+    h: Array
+    pressure: Array
+    gap: Array
+    displacement: float
+    index: Indices
+    rests: Flags
 
     @property
-    def strength(self) -> float:
-        """2π ∫ |p_fr| r dr, the load that the interaction could carry."""
-        mesh = self.equations.mesh
-        return 2 * math.pi * float((mesh.weights * mesh.nodes) @ np.abs(self.fields.pressure))
+    def felt(self) -> Flags:
+        """Where there is much of the pressure."""
+        return np.asarray(np.abs(self.pressure) >= FELT * magnitude(self.pressure))
 
-    def profile(self, t: Array) -> Array:
-        """h(t) for any t: d − zeta(t) inside the contact, 0 beyond the mesh."""
-        a = self.fields.rim.radius
-        tau = np.sqrt(np.maximum(t * t - a * a, 0.0))
-        outside = self.equations.mesh.interpolate(self.h, tau)
-        if a == 0.0:
-            return outside
-        inside = self.displacement - self.equations.tip.transform(np.minimum(t, a))
-        return np.where(t < a, inside, outside)
+    def apart(self, other: _State) -> float:
+        """The largest difference of gaps where either is felt."""
+        return magnitude((self.gap - other.gap)[self.felt | other.felt])
+
+
+def _mesh(states: Sequence[Functions]) -> Mesh:
+    """Panels that resolve all of some states as far as they are felt, and longer ones beyond."""
+    sizes = []
+    for state in states:
+        pressure = np.abs(state.fields.pressure)
+        outermost = state.equations.mesh.nodes[pressure >= FELT * magnitude(pressure)].max()
+        sizes.append(math.hypot(float(outermost), state.fields.rim.radius))
+    last = min(REACH * max(sizes), states[0].equations.tip.extent)
+    edges = [0.0, INNERMOST * min(sizes) / PANELS]
+    while edges[-1] < last:
+        step = min((size / PANELS for size in sizes if size > edges[-1]), default=math.inf)
+        edges.append(min(edges[-1] + min(step, (LONGER - 1) * edges[-1]), last))
+    return mesh_on(np.array(edges), ORDER)
 
 
 @dataclass(frozen=True)
@@ -82,195 +90,113 @@ class Release:
 
     Attributes
     ----------
-    equations, h, y : Equations, array (N,), float
-        The fold.
+    fold : Functions
     scale : float
-        Range of the interaction; y = scale · sinh(u).
+        Range of the interaction.
     control : Control
     direction : int
         1 if the fold was reached by raising the control, −1 by lowering it.
-    guarded : bool
-        Stop, without having settled, where the surfaces would penetrate one another outside the disc.
     """
 
-    equations: Equations
-    h: Array
-    y: float
+    fold: Functions
     scale: float
     control: Control
     direction: int
-    guarded: bool
 
-    def end(self, push: float, others: Sequence[float]) -> float | None:
-        """The contact parameter y at which it comes to rest; None if it does not.
-
-        Parameters
-        ----------
-        push : float
-            Factor of the little by which the control is moved on to leave the fold.
-        others : sequence of float
-            Contact parameters y of stable states: what bounds their basins may be close behind them.
-        """
-        state = _State(self.equations, self.h, self.y)
-        share, held = self._held(state, push)
-        step, rate, growth = FIRST_STEP, 0.0, GROWTH
-        for _ in range(STEPS):
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by a shorter step
-                state = _remeshed(state, share)
-                found = _implicit(state, 1.0 / step, rate * step, held)
-            moved = math.inf if found is None else _moved(found.y, state.y, self.scale)
-            passed = found is not None and any((y - state.y) * (y - found.y) < 0.0 for y in others)
-            if found is None or moved > (PASSING if passed else LARGEST):
-                step /= GROWTH
-                rate, growth = 0.0, 1.0
-                if step < SHORTEST:
-                    break
-                continue
-            rate = (found.y - state.y) / step
-            state = found
-            if self.guarded and float(state.fields.gap.min()) < 0.0:
-                break
-            if step >= LONGEST:
-                return state.y
-            step = min(step * min(growth, max(0.5, AIM / max(moved, 1e-12))), LONGEST)
-            growth = min(GROWTH, RECOVERY * growth)
-        return None
-
-    def _held(self, state: _State, push: float) -> tuple[float, _Held]:
-        """How small the forces at play are, as a share of what the interaction could carry, and what is held."""
-        control, value = self.control, self.control.value(state.load, state.displacement)
-        # A load that is small compared with the forces at play is nudged, and the flow resolved, by its own measure.
-        share = 1.0
-        if control.kind == "load" and not self.equations.contact and state.strength > 0.0:
-            share = min(1.0, max(SMALLEST_SHARE, abs(value) / state.strength))
-        nudge = share * state.strength if control.kind == "load" else self.scale
-        if control.kind == "spring":
-            nudge = min(nudge, state.strength / control.stiffness)
-        target = control.target(value + self.direction * push * NUDGE * nudge)
-        return share, _Held(control, target, 2 * math.sqrt(2 * self.scale))
-
-    def nearest(self, others: Sequence[float]) -> int | None:
-        """Which of several contact parameters y it comes to rest at; None if at none of them.
-
-        The fold may lie a little aside on the meshes of the relaxation: where that has not left it, it is pushed
-        harder.
-        """
+    def nearest(self, others: Sequence[Functions]) -> int | None:
+        """Which of several stable states it comes to rest at; None if at none of them."""
+        flow = _Flow(self.fold.equations, _mesh([self.fold, *others]), self.control, self.scale)
+        begin, ends = flow.state(self.fold), [flow.state(other) for other in others]
+        strength = 2 * math.pi * float((flow.mesh.weights * flow.mesh.nodes) @ np.abs(begin.pressure))
+        nudge = strength if self.control.kind == "load" else self.scale
+        if self.control.kind == "spring":
+            nudge = min(nudge, strength / self.control.stiffness)
+        value = self.control.value(2 * float(flow.mesh.weights @ begin.h), begin.displacement)
         for push in PUSHES:
-            end = self.end(push, others)
+            end = flow.end(begin, self.control.target(value + self.direction * push * NUDGE * nudge))
             if end is None:
                 return None
-            apart = [_moved(y, end, self.scale, far=0.0) for y in others]
-            nearest = int(np.argmin(apart))
-            if apart[nearest] <= ARRIVED:
-                return nearest
-            if _moved(self.y, end, self.scale, far=0.0) > ARRIVED:
+            apart = [other.apart(end) for other in ends]
+            first, second = [*np.sort(apart), math.inf][:2]
+            if first <= min(ARRIVED * self.scale, second / CLOSER):
+                return int(np.argmin(apart))
+            if begin.apart(end) > ARRIVED * self.scale:
                 return None  # it has left the fold
         return None
 
 
-@dataclass(frozen=True)
-class _Held:
-    """What the drive does: ``w·(F, d)`` = target, against a drag of the tip as a whole."""
+class _Flow:
+    """Implicit steps on one mesh."""
 
-    control: Control
-    target: float
-    drag: float
+    def __init__(self, equations: Equations, mesh: Mesh, control: Control, scale: float) -> None:
+        self.mesh, self.control, self.law, self.scale = mesh, control, equations.law, scale
+        self.compliance, self.tip = mesh.plane @ mesh.abel, equations.tip.height(mesh.nodes)
+        self.load_row, self.drag = 2 * mesh.weights @ mesh.abel, 2 * math.sqrt(2 * scale)
+        self.levels = np.array(self.law.levels)
+        self.low, self.high = np.transpose([self.law.bounds(level) for level in range(len(self.levels))])
 
+    def state(self, known: Functions) -> _State:
+        """A state on this mesh."""
+        h, pressure = known.transformed(self.mesh.nodes), known.pressure(self.mesh.nodes)
+        displacement = known.equations.displacement(known.fields)
+        gap = self.mesh.plane @ h + self.tip - displacement
+        band = np.maximum(np.searchsorted(self.levels, gap, side="right") - 1, 0)
+        return _State(h, pressure, gap, displacement, band, np.zeros(len(gap), dtype=bool))
 
-def _moved(y: float, before: float, scale: float, far: float = 0.5) -> float:
-    """How far one state is from another: in u, without contact at least in this share of the gap in ranges."""
-    moved = abs(math.asinh(y / scale) - math.asinh(before / scale))
-    return moved if max(y, before) > 0.0 else max(moved, far * abs(y - before) / scale)
+    def end(self, state: _State, target: float) -> _State | None:
+        """Where a state comes to rest; None if it does not."""
+        step = FIRST_STEP
+        for _ in range(STEPS):
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # answered by a shorter step
+                found = self.stepped(state, 1.0 / step, target)
+            moved = math.inf if found is None else magnitude((found.gap - state.gap)[state.felt]) / self.scale
+            if found is None or not moved <= LARGEST:
+                step /= GROWTH
+                if step < SHORTEST:
+                    return None
+                continue
+            state = found
+            if step >= LONGEST:
+                return state
+            step *= min(GROWTH, max(1 / GROWTH, AIM / max(moved, 1e-12)))
+        return None
 
+    def stepped(self, state: _State, s: float, target: float) -> _State | None:
+        """One implicit step; None if Newton's method fails."""
+        n, (first, second), drag = self.mesh.size, self.control.weights, self.drag * s
+        elastic, before = self.compliance / (1 + s), s / (1 + s) * (self.mesh.plane @ state.h) + self.tip
+        pressure, d, index, rests = state.pressure, state.displacement, state.index, state.rests
+        gap, matrix = elastic @ pressure + before - d, np.empty((n + 1, n + 1))
+        for _ in range(NEWTON):
+            check()
+            own, stiffness = np.zeros(n), np.zeros(n)
+            for band in np.unique(index):
+                on = (index == band) & ~rests
+                _, own[on], stiffness[on] = self.law.evaluate(int(band), gap[on])
+            slope = np.where(rests, 1.0, stiffness)
+            matrix[:n, :n] = slope[:, None] * elastic
+            matrix[:n, :n].flat[:: n + 1] += ~rests
+            matrix[:n, n] = -slope
+            matrix[n, :n], matrix[n, n] = first * self.load_row, second + first * drag
+            off = np.where(rests, gap - self.levels[index], pressure - own)
+            held = first * (self.load_row @ pressure + drag * (d - state.displacement)) + second * d - target
+            change = np.linalg.solve(matrix, -np.append(off, held))
+            if not np.isfinite(change).all():
+                return None
+            pressure, d, last = pressure + change[:n], d + float(change[n]), gap
+            gap = elastic @ pressure + before - d
+            index, new = self._sorted(gap, pressure, index, rests)
+            same, rests = bool((new == rests).all()), new
+            if same and magnitude(gap - last) < CONVERGED * max(self.scale, abs(d)):
+                h = (s * state.h + self.mesh.abel @ pressure) / (1 + s)
+                return _State(h, pressure, gap, d, index, rests)
+        return None
 
-def _remeshed(state: _State, share: float) -> _State:
-    """The state on a mesh that follows it."""
-    equations, fields = state.equations, state.fields
-    allowed = TOLERANCE * share * state.strength
-    reach = needed_reach(equations, fields, 0.1 * allowed)
-    end = float(equations.mesh.end)
-    edges = np.append(equations.mesh.edges, reach) if reach > 1.05 * end else None
-    if edges is None:
-        edges = adapted_edges(equations, fields, 0.1 * allowed, max(reach, 0.5 * end), equations.mesh)
-        if len(edges) == len(equations.mesh.edges):
-            return state
-    mesh = mesh_on(edges, equations.mesh.order)
-    return _State(equations.on(mesh), equations.mesh.interpolate(state.h, mesh.nodes), state.y)
-
-
-def _implicit(state: _State, s: float, ahead: float, held: _Held) -> _State | None:
-    """One implicit step, on the side of first touch on which it ends; None if Newton's method fails."""
-    contact = state.y + ahead > 0.0
-    for _ in range(2):
-        y = state.y + ahead
-        if (y > 0.0) != contact:
-            y = 0.0
-        found = _newton(state, state.equations.touching(contact), y, s, held)
-        if found is not None:
-            return found
-        contact, ahead = not contact, 0.0
-    return None
-
-
-def _newton(state: _State, equations: Equations, y: float, s: float, held: _Held) -> _State | None:
-    """Newton's method for (h, y) on one side of first touch."""
-    tau = equations.mesh.nodes
-    first, second = held.control.weights
-
-    def radius(at: float) -> float:
-        return equations.coordinate.radius(at) if equations.contact else 0.0
-
-    def before(at: float) -> Array:
-        return state.profile(np.hypot(tau, radius(at)))
-
-    h = old = before(y)
-    n = equations.mesh.size
-    floor = 0.0 if equations.contact else -math.inf
-    last = smallest = math.inf
-    waited = 0
-    for _ in range(NEWTON):
-        check()
-        fields = equations.fields(h, y)
-        if not fields.finite:
-            return None
-        if equations.contact:
-            old = before(y)
-        load, displacement = equations.load(fields), equations.displacement(fields)
-        residual = fields.residual + s * (h - old)
-        felt = load + s * (load - state.load) + held.drag * s * (displacement - state.displacement)
-        excess = first * felt + second * displacement - held.target
-        width = 1e-6 * max(1e-3, abs(y))
-        drift = (before(y + width) - old) / width if equations.contact else np.zeros(n)
-        rim = fields.rim
-        lift = equations.coordinate.slopes(y)[2] if equations.contact else 1.0
-        matrix = np.empty((n + 1, n + 1))
-        matrix[:n, :n] = equations.jacobian(fields)
-        matrix[:n, :n].flat[:: n + 1] += s
-        matrix[:n, n] = equations.slopes(fields)[1] - s * drift
-        load_row = 2 * (rim.weights + rim.radius * equations.rim_row)
-        moving = second + first * held.drag * s
-        matrix[n, :n] = first * (1 + s) * load_row + moving * equations.rim_row
-        load_slope, _ = equations.rates(fields, np.zeros(n), 1.0)
-        matrix[n, n] = first * (1 + s) * load_slope + moving * lift
-        try:
-            change = np.linalg.solve(matrix, -np.append(residual, excess))
-        except np.linalg.LinAlgError:
-            return None
-        if not np.isfinite(change).all():
-            return None
-        deformed, moved = magnitude(change[:n]), abs(float(change[n]))
-        size = deformed + moved
-        halved = size < 0.5 * smallest
-        smallest, waited = (size, 0) if halved else (smallest, waited + 1)
-        if size > 1e3 * max(1.0, last) or waited >= PATIENCE:
-            return None
-        last = size
-        h, y = h + change[:n], y + float(change[n])
-        if equations.contact and y < 0.0:
-            y = 0.0
-        if not equations.contact and y > 0.0:
-            return None  # the surfaces meet: the step ends in contact
-        # Far away all deformations are tiny, and so is what tells one state from the next: their errors are relative.
-        if deformed < 1e-9 * magnitude(h) and moved < 1e-9 * max(1.0, abs(y)):
-            return _State(equations, h, y) if y > floor else None
-    return None
+    def _sorted(self, gap: Array, pressure: Array, index: Indices, rests: Flags) -> tuple[Indices, Flags]:
+        """In which bands nodes float and at which levels they rest next, by the inequalities that they violate."""
+        pulls, pushes = rests & (pressure < self.low[index]), rests & (pressure > self.high[index])
+        falls = ~rests & (gap < self.levels[index])
+        climbs = ~rests & (gap > np.append(self.levels[1:], np.inf)[index])
+        index = index - pushes + climbs
+        stays = self.low[index] < self.high[index]
+        return index - (falls & ~stays), (rests & ~pulls & ~pushes) | ((falls | climbs) & stays)

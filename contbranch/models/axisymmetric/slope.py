@@ -9,7 +9,7 @@ from contbranch.arrays import Array, magnitude
 from .adapt import Solver
 from .equations import Equations, Fields
 
-__all__ = ["load_per_displacement"]
+__all__ = ["load_per_displacement", "rates_of_answer"]
 
 # An answer by another state's factors is made good until what is missed no longer falls by this factor, and is taken if
 # that is then so small a share of it.
@@ -37,11 +37,16 @@ def load_per_displacement(equations: Equations, fields: Fields, solve: Solver | 
         answer: Array = np.asarray(np.linalg.solve(response, pushed), dtype=np.float64)
     else:  # the Jacobian is that matrix less pushed rimᵀ (Sherman and Morrison)
         answer = known / (1.0 + equations.rim_row @ known)
+    load, displacement = rates_of_answer(equations, fields, answer)
+    return load / displacement
+
+
+def rates_of_answer(equations: Equations, fields: Fields, answer: Array) -> tuple[float, float]:
+    """Rates of load and displacement with a rigid motion with which h changes by so much, (N,): tiny far from it."""
     load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
-    beyond = equations.beyond(fields)
-    last = float(fields.rim.plane[-1] @ (answer - 1.0))
+    beyond, last = equations.beyond(fields), float(fields.rim.plane[-1] @ (answer - 1.0))
     load += beyond.load_per_displacement - beyond.load_per_gap * last
-    return load / (1.0 + beyond.shift_per_displacement - beyond.shift_per_gap * last)
+    return load, 1.0 + beyond.shift_per_displacement - beyond.shift_per_gap * last
 
 
 def _made_good(equations: Equations, fields: Fields, f: Array, solve: Solver) -> Array | None:

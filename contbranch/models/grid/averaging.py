@@ -435,9 +435,7 @@ class AveragedProblem(OnNodes):
         """Whatever lies on the lattice."""
         return self.lattice.relaxes_to(other)
 
-    def relaxed(
-        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
-    ) -> int | None:
+    def relaxed(self, fold: Point, control: Control, direction: int, others: Sequence[Point]) -> int | None:
         """From the state beside the fold, over the barriers of the arcs of which it is an average."""
         near = self._near(fold.parameter)
         value = control.value(*self.values(fold.x, fold.parameter)[:2])

@@ -632,9 +632,7 @@ class LatticeProblem(OnNodes):
         """Whatever lies on the lattice."""
         return hasattr(other, "setup")
 
-    def relaxed(
-        self, fold: Point, control: Control, direction: int, others: Sequence[Point], guarded: bool
-    ) -> int | None:
+    def relaxed(self, fold: Point, control: Control, direction: int, others: Sequence[Point]) -> int | None:
         """By relaxation from the fold, the control moved a little beyond it and back.
 
         The error of the fold on other lattices does not matter here: beyond it by so much lie other folds.

@@ -27,10 +27,7 @@ class Rings:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
         laws = terms_of(contact.interaction)
         if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion > 0 for law in laws):
-            return (
-                "the pressure of maugis-dugdale attraction jumps at the end of its range, which only the exact model "
-                "represents, for a parabola and that law alone; take a smooth law, such as exponential"
-            )
+            return "maugis-dugdale laws that attract and such that repel cannot be added"
         if not laws:
             return "there is no interaction with which the contact could begin"
         return None

@@ -1,0 +1,585 @@
+"""Regions that begin and end: the curve behind a failing inequality, and behind a region that has all but vanished."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from contbranch.arrays import Array, magnitude
+from contbranch.continuation import CorrectionError, Event, Options, Outcome, Point, StopAt
+from contbranch.continuation.edge import Range
+from contbranch.continuation.follow import follow
+from contbranch.continuation.newton import border, correct, linearise, residual, solve
+from contbranch.curve.events import Margin
+from contbranch.curve.problem import Succession, equilibrium, oriented
+from contbranch.errors import ModelError
+
+from .front import Edge
+from .laying import Functions, laid_edges, led_by
+from .layout import Layout, Region
+from .mesh import mesh_on
+from .regions import NARROW_RING, Breach, layout_of, least_margin, radii_of
+
+if TYPE_CHECKING:
+    from .problem import ContactProblem
+
+__all__ = ["begun", "born", "laid", "narrowness", "positions", "rested", "vanished"]
+
+Row = tuple[Array, float]
+
+# Newton's method from a guess at other regions: iterations, the relative correction from which it is left to itself,
+# the growth of the residual that is accepted, how often a step is halved to avoid more, and the growth of a correction
+# beyond which it is astray (those that lead to a state grow by a fifth at most).
+APPROACHES, NEARLY, GROWS, HALVINGS, LEAPS = 30, 1e-3, 1.5, 6, 2.5
+# No width changes by more than this share of itself in one of its steps.
+ROOM = 0.3
+PRECISE = Options(tolerance=1e-12, noise=1e8)
+# Rounds of meshing and solving for one state.
+ROUNDS = 6
+# Half-widths with which a region is born, as shares of the room there is for it; the first that succeeds counts, unless
+# an inequality fails there by more than this.
+SEEDS, FAILS = (0.02, 0.05, 0.01, 0.1, 0.004, 0.2, 1e-3, 2e-4, 4e-5, 0.4), 1e-3
+# ... or the displacement has changed by more than this multiple of its scale: that is another state.
+ASTRAY = 1.0
+# ... or rounding moves the edges by more than this share of the narrowest width: too narrow for so stiff a film.
+UNCERTAIN = 3e-3
+# Under a sharp tip like r^n the pressure has a cusp in the middle; even a tiny hole takes up to this multiple of the
+# radius times the slope at the hole's edge, divided by n − 1, or by this at least.
+CUSP, TINY = 2.0, 0.01
+# Where the gap is this share of the shortest range there is no room for surfaces that come to rest.
+DEEP = 0.1
+# Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
+# felt.
+FILLED, FELT = (1.5, 3.0, 10.0), 3e-3
+# Radius of the first disc at rest, at most, as a share of that over which the interaction reaches; shares of it that
+# are tried; radii of a hole in it, where the pressure at the apex would exceed its bound: with a cone however small the
+# disc.
+SMALL, DISCS = 1e-2, (1.0, 0.5, 0.2, 0.1, 0.03, 0.01, 1e-3)
+HOLES = (0.3, 0.1, 0.6, 0.03, 0.85, 0.01, 0.003, 0.001, 1e-4)
+# Where it is exceeded almost everywhere, the width of the ring in units of its radius is CLOSING exp(−π z′/(2σ)): the
+# slope of what a uniform pressure lifts is as steep as the tip that far inside of its edge. Where it would be larger
+# than the second, σ is so many slopes that no nodes resolve what the film's hole is under a cone.
+CLOSING = 4.3
+SHARPEST = CLOSING * math.exp(-math.pi / 9)
+# First steps behind a change as a share of the narrowest region.
+FIRST, SHORTEST = 0.3, 1e-3
+# A pressure is least in the middle of a disc where it is least within this share of its radius.
+CENTRAL = 1e-2
+# Where a region vanishes is sought no farther away than this multiple of range and displacement.
+FAR = 10.0
+# A region vanishes at this share of its width where the piece of the curve begins, or of the outermost edge if that is
+# less.
+SHRUNK, NARROWEST = 0.5, 1e-3
+CONE = "The Morse indices there are those of both sides: admissible variations form a cone."
+
+
+class Begins(Margin):
+    """Where a margin ceases to be negative, however long it has been."""
+
+    happenings = Event.happenings
+
+
+def problem_of(point: Point) -> ContactProblem:
+    """The problem of a point of such a curve."""
+    from .problem import ContactProblem
+
+    if not isinstance(point.problem, ContactProblem):
+        raise TypeError(f"{type(point.problem).__name__} is not a ContactProblem")
+    return point.problem
+
+
+def seen_layout(point: Point) -> tuple[Layout, Array]:
+    """Regions and their radii."""
+    equations, fields = problem_of(point).seen(point.x, point.parameter)
+    return layout_of(equations), radii_of(equations, fields)
+
+
+# -- states with other regions ----------------------------------------------------------------------------------------
+def laid(
+    problem: ContactProblem, before: Functions, layout: Layout, radii: Array
+) -> tuple[ContactProblem, Array, float]:
+    """The problem with other regions whose edges have given radii, and a guess at its state and parameter.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Of the state from which one is guessed.
+    before : Functions
+        That state.
+    """
+    old, order = problem.equations, problem.resolution.order
+    disc, a = layout.regions[0].rests, float(radii[0]) if layout.regions[0].rests else 0.0
+    outside = radii[1:] if disc else radii
+    regions = layout.regions[1:] if disc else layout.regions
+    ends, edge = before.ends, None
+    if isinstance(problem.front, Edge):
+        edge = Edge(math.sqrt((old.tip.extent - a) * (old.tip.extent + a)), problem.front.film)
+    ends, roots = (np.sqrt(np.maximum((r - a) * (r + a), 0.0)) for r in (ends[ends >= a], outside))
+    if not regions:  # a disc in an outermost band without pressure
+        regions, layout = (Region(False, old.law.outermost),), replace(layout, bounded=False)
+    if len(roots):
+        edges = laid_edges(roots, ends, layout.bounded, edge.place if edge else None)
+    else:
+        edges = np.unique(np.append(0.0, ends)) if len(ends) > 1 else np.array([0.0, 0.5, 1.0]) * max(a, 1e-300)
+    places = tuple(np.flatnonzero(np.isin(edges, roots)).tolist())
+    mesh = mesh_on(edges, order, (layout.bounded and bool(len(roots))) or edge is not None, places)
+    level = layout.regions[0].index if disc else 0
+    equations = replace(old, mesh=mesh, contact=disc, regions=regions, level=level)
+    t = np.hypot(mesh.nodes, a)
+    state = np.append(before.transformed(t), before.pressure(t[equations.resting]))
+    gap = before.central_gap
+    y = equations.coordinate.of(a, gap) if disc else -gap
+    fields = equations.fields(state, y)
+    front = led_by(equations, fields, edge)
+    tail = np.zeros(0 if front is None else 1 + len(front.creases))
+    found = replace(problem, equations=equations, front=front, vanishing=())
+    return found, np.append(state, tail), problem.parameter(y)
+
+
+def positions(problem: ContactProblem, x: Array) -> tuple[Array, Array, Array]:
+    """Places of the root edges from inside outwards, and their derivatives with respect to σ and to the creases."""
+    n, front = problem.size, problem.front
+    if front is None or not problem.mesh.roots:
+        return np.zeros(0), np.zeros(0), np.zeros((0, 0))
+    stretch, by = math.exp(float(x[n])), x[n + 1 :]
+    own = [(c.place + b, k) for k, (c, b) in enumerate(zip(front.creases, by, strict=True)) if c.root]
+    own += [(front.place, -1)] if front.root else []
+    own.sort()
+    moves = np.zeros((len(own), len(by)))
+    for j, (_, k) in enumerate(own):
+        if k >= 0:
+            moves[j, k] = stretch
+    places = stretch * np.array([place for place, _ in own])
+    return places, places.copy(), moves
+
+
+def solved(problem: ContactProblem, x: Array, p: float, row: Row) -> tuple[Array, float]:
+    """The solution near (x, p) in the plane that `row` is normal to.
+
+    Newton's method, with steps shortened so that no width changes by more than a share of itself and the residual does
+    not grow much: a guess at other regions may be far from the solution.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    metric, n, size = problem.metric(x), problem.size, math.inf
+    for _ in range(APPROACHES):
+        at = linearise(problem, x, p)
+        dx, dp = border(problem, x, p, at, row).solve(-at[0], 0.0)
+        last, size = size, metric.norm(problem, dx, dp)
+        if not (math.isfinite(size) and size < LEAPS * last):
+            break
+        if size < NEARLY:
+            done = correct(problem, (x, p), row, metric, PRECISE)
+            return done.x, done.parameter
+        places, by_stretch, moves = positions(problem, x)
+        change = by_stretch * dx[n] + moves @ dx[n + 1 :] if len(places) else np.zeros(0)
+        room = np.diff(places, prepend=0.0)
+        share = min(1.0, ROOM / max(magnitude(np.diff(change, prepend=0.0) / room), 1e-300))
+        before = magnitude(at[0])
+        for _ in range(HALVINGS):
+            trial = x + share * dx, p + share * dp
+            try:
+                after = magnitude(residual(problem, *trial))
+            except CorrectionError:
+                after = math.inf
+            if after < GROWS * before:
+                break
+            share /= 2
+        x, p = trial
+    raise CorrectionError(Outcome.START_FAILED, f"(Newton's last correction was {size:.2g} of the state.)")
+
+
+def resolved(point: Point, row: Callable[[ContactProblem, Array], Row] | None = None) -> Point:
+    """The point on a mesh that resolves it; `row`: what is held of it, by default the solution is sought across.
+
+    Raises
+    ------
+    CorrectionError
+        If Newton's method fails.
+    """
+    for _ in range(ROUNDS):
+        problem, p = problem_of(point), point.parameter
+        if problem.relative_error(point.x, p) <= problem.resolution.tolerance:
+            break
+        other, x = problem.remeshed(point.x, p, solve=False)
+        if other.mesh is problem.mesh:
+            break
+        tangent = problem.carried(point.tangent_x, point.x, p, other)
+        held = row(other, x) if row else other.metric(x).row(other, tangent, point.tangent_parameter)
+        point = oriented(other, *solved(other, x, p, held), (tangent, point.tangent_parameter))
+    return point
+
+
+# -- births -----------------------------------------------------------------------------------------------------------
+def born(points: Sequence[Point]) -> Succession:
+    """The curve behind the last of points, where an inequality fails: a region begins.
+
+    Raises
+    ------
+    ModelError
+        If no state with it was found.
+    """
+    point, dropped = failed(points)
+    breach = failing(point)
+    equations = problem_of(point).equations
+    if breach.radius == 0.0 and breach.new.rests and equations.law.vanishes(breach.new.index):
+        return rested(points)
+    kind, message = change(point, breach, growing=True)
+    start = begun(seeded(point, breach))
+    step = FIRST * narrowest(start)
+    return Succession(kind, point, (start,), same=False, dropped=dropped, step=step, message=message, margin="breach")
+
+
+def failed(points: Sequence[Point]) -> tuple[Point, int]:
+    """Where the inequalities fail exactly, and how many of the points lie beyond: discs are followed with tolerance."""
+    if problem_of(points[-1]).divided:
+        return points[-1], 1
+    right = next((k for k in reversed(range(len(points))) if margin_of(points[k]) > 0.0), None)
+    if right is None:
+        raise ModelError("no admissible state was left")
+    start = points[right]
+    problem = equilibrium(start)
+    branch = follow(
+        start, problem.balance(start), Range(-math.inf, math.inf), problem.steps(start), [Margin("breach")], StopAt()
+    )
+    if not branch.points or branch.points[-1].label != "breach":
+        raise ModelError(f"where the contact set changes its inequality could not be told: {branch.end.message}")
+    return branch.points[-1], len(points) - 1 - right
+
+
+def begun(point: Point) -> Point:
+    """The point as the start of a piece of curve, with the widths at which its regions vanish."""
+    problem = problem_of(point)
+    return replace(point, problem=replace(problem, vanishing=vanishing_widths(*seen_layout(point))))
+
+
+def vanishing_widths(layout: Layout, radii: Array) -> tuple[float, ...]:
+    """Widths in shares of the outermost edge at which regions vanish on a piece of the curve; 0: never."""
+    if len(radii) == 0 or (len(radii) == 1 and layout.regions[0].rests):
+        return ()
+    found = []
+    for k, share in enumerate(np.diff(radii, prepend=0.0) / radii[-1]):
+        joins, collapses = layout.without(k) is not None, layout.collapsed(k) is not None
+        least = NARROWEST if joins else NARROW_RING if collapses else 0.0
+        found.append(float(min(least, SHRUNK * share)))
+    return tuple(found)
+
+
+def narrowness(vanishing: Sequence[float], radii: Array) -> float:
+    """The smallest width over that at which its region vanishes, less 1; at most 1."""
+    least, shares = np.array(vanishing), np.diff(radii, prepend=0.0) / radii[-1:]
+    counts = least > 0.0
+    return min(1.0, float((shares[counts] / least[counts]).min()) - 1.0) if counts.any() else 1.0
+
+
+def seeds(point: Point, breach: Breach) -> Iterator[tuple[Layout, Array, int]]:
+    """Layouts in which the new region has begun, from the likeliest size on, their radii, and the edge that is held:
+    the first one, or with the number of the ring's inner edge its width."""
+    problem = problem_of(point)
+    equations, fields = problem.seen(point.x, point.parameter)
+    layout, radii = seen_layout(point)
+    k, centre = breach.region, breach.radius == 0.0
+    before = radii[k - 1] if k else 0.0
+    after = radii[k] if k < len(radii) else math.inf
+    outermost = radii[-1] if len(radii) else 0.0
+    room = min(
+        *([] if centre else [breach.radius - before]), after - breach.radius, max(outermost, math.sqrt(problem.scale))
+    )
+    if breach.new.rests:  # no wider than the dip in which surfaces meet
+        r = np.hypot(equations.mesh.nodes, fields.rim.radius)
+        own = (r > before) & (r < after)
+        apart = own & (np.abs(fields.gap - equations.law.levels[breach.new.index]) > DEEP * problem.scale)
+        room = min(room, float(np.abs(r[apart] - breach.radius).min(initial=room)))
+    sizes = [(centre, share * room) for share in SEEDS]
+    if k == 0 and not centre and breach.new.rests:  # the disc that fills a ring soon
+        place = 0 if breach.radius < FELT * math.sqrt(problem.scale) else len(sizes)
+        sizes[place:place] = [(True, share * breach.radius) for share in FILLED]
+    for inside, half in sizes:
+        if inside and half < min(after, equations.tip.extent):
+            yield layout.born(k, breach.new, True), np.concatenate([[half], radii]), -1
+        elif not inside:
+            yield (
+                layout.born(k, breach.new, False),
+                np.insert(radii, k, breach.radius + half * np.array([-1.0, 1.0])),
+                k,
+            )
+
+
+def holding(edge: int) -> Callable[[ContactProblem, Array], Row]:
+    """What holds the first edge, or (with its number) the difference of an edge and the next."""
+
+    def row(problem: ContactProblem, x: Array) -> Row:
+        held, n = np.zeros(x.size), problem.size
+        disc = problem.equations.contact
+        if edge < 0 and disc:
+            return held, 1.0
+        _, by_stretch, moves = positions(problem, x)
+        first = 0 if edge < 0 else edge - disc
+        rows = np.column_stack([by_stretch, moves])
+        held[n:] = rows[first] if edge < 0 else rows[first + 1] - (rows[first] if first >= 0 else 0.0)
+        return held, 0.0
+
+    return row
+
+
+def seeded(point: Point, breach: Breach) -> Point:
+    """The state in which a narrow new region has begun, oriented towards its growth.
+
+    Raises
+    ------
+    ModelError
+        If none was found.
+    """
+    problem = problem_of(point)
+    before, tip, least = Functions(*problem.seen(point.x, point.parameter)), problem.equations.tip, 0.0
+    doubtful: list[tuple[float, Point]] = []
+    cusp = CUSP / max(tip.apex_exponent - 1.0, TINY)
+    for layout, radii, edge in seeds(point, breach):
+        half = float(radii[0] if edge < 0 else (radii[edge + 1] - radii[edge]) / 2)
+        if half <= least:
+            continue
+        hold = holding(edge)
+        try:
+            trial, x, p = laid(problem, before, layout, radii)
+            row = hold(trial, x)
+            found = resolved(oriented(trial, *solved(trial, x, p, row), row), hold)
+        except (CorrectionError, ModelError, ValueError):
+            continue
+        row = hold(problem_of(found), found.x)
+        beyond = abs(found.observables["displacement"] - point.observables["displacement"]) - ASTRAY * problem.scale
+        if beyond > cusp * float(radii[-1] * tip.height_derivative(np.float64(half))):
+            continue
+        if row[0] @ found.tangent_x + row[1] * found.tangent_parameter < 0.0:
+            found = found.turned()
+        uncertain = uncertainty(found) - UNCERTAIN
+        least = half if uncertain > 0.0 else least
+        if margin_of(found) > 0 >= max(beyond, uncertain):
+            return found
+        if margin_of(found) >= -FAILS:
+            doubtful.append((max(beyond, uncertain, 0.0), found))
+    if not doubtful:
+        raise ModelError("no state was found beyond the change of the contact set")
+    return min(doubtful, key=lambda one: one[0])[1]
+
+
+def rested(points: Sequence[Point]) -> Succession:
+    """The curve behind the last of points, where the gap in the middle is a level at which it can rest.
+
+    Raises
+    ------
+    ModelError
+        If no state was found in which it does.
+    """
+    point, problem = points[-1], problem_of(points[-1])
+    law, accuracy, tip = problem.equations.law, problem.resolution.accuracy, problem.equations.tip
+    index = problem.equations.regions[0].index
+    breach = Breach(0.0, 0, 0.0, Region(True, index))
+    if not law.vanishes(index):
+        kind, message = change(point, breach, growing=True)
+        start = begun(seeded(point, breach))
+        return Succession(kind, point, (start,), same=False, step=FIRST * narrowest(start), message=message)
+    # There is no load as yet: it grows with radius^(n + 1) over a tip that begins like r^n.
+    radius = float(tip.radius_at(law.levels[index])) * min(SMALL, accuracy ** (1 / (1 + tip.apex_exponent)))
+    start = begun(on_level(point, index, radius))
+    return Succession("", point, (start,), step=FIRST * narrowest(start))
+
+
+def on_level(point: Point, index: int, radius: float) -> Point:
+    """A tiny disc, or ring, of about a radius, on which the gap rests at the end of the law's range, on its way to
+    grow."""
+    problem = problem_of(point)
+    tip, law, around = problem.equations.tip, problem.equations.law, problem.equations.regions
+    before, inside, rests = (
+        Functions(*problem.seen(point.x, point.parameter)),
+        Region(False, index - 1),
+        Region(True, index),
+    )
+    steep = float(tip.height_derivative(np.float64(radius)))
+    width = CLOSING * math.exp(-math.pi * steep / (2 * law.pressure(index - 1, index)))
+    trials = [(Layout((rests, *around), False), np.array([share * radius])) for share in DISCS]
+    holes = [(Layout((inside, rests, *around), False), np.array([share * radius, radius])) for share in HOLES]
+    if width < NARROW_RING:  # a jump, from the beginning
+        holes = [(Layout((inside, *around), False), np.array([radius]))]
+    trials = trials + holes if tip.apex_exponent > 1.0 else holes if width <= SHARPEST or width < NARROW_RING else []
+    for layout, radii in trials:
+        hold = outermost_held
+        try:
+            trial, x, p = laid(problem, before, layout, radii)
+            row = hold(trial, x)
+            found = resolved(oriented(trial, *solved(trial, x, p, row), row), hold)
+        except (CorrectionError, ModelError):
+            continue
+        if margin_of(found) > 0.0:
+            return found
+    raise ModelError("the tip is too sharp for so stiff a film: describe its apex as rounded")
+
+
+def outermost_held(problem: ContactProblem, x: Array) -> Row:
+    """What holds the outermost edge."""
+    held, n = np.zeros(x.size), problem.size
+    _, by_stretch, moves = positions(problem, x)
+    if not len(by_stretch):
+        return held, 1.0
+    held[n], held[n + 1 :] = by_stretch[-1], moves[-1]
+    return held, 0.0
+
+
+# -- ends -------------------------------------------------------------------------------------------------------------
+def vanished(points: Sequence[Point]) -> Succession:
+    """The curve behind the last of points, where the narrowest region has all but vanished.
+
+    The event lies where the layout without it begins to be right.
+
+    Raises
+    ------
+    ModelError
+        If the neighbours cannot be joined, or the event was not found.
+    """
+    point = points[-1]
+    joined, jump = passed(point)
+    if jump:  # no change of the contact set, only of how it is represented
+        return Succession("", point, (begun(joined),))
+    width = narrowest(point)
+    if not becomes_right(joined, FIRST * width):  # at a fold, where what was held turns at once
+        joined = joined.turned()
+    right = margin_of(joined) > 0  # for a while already: look back
+    event = along(joined.turned() if right else joined, width, [Begins("breach")])
+    if event.label != "breach":
+        raise ModelError("a region vanished, but not where its inequality says")
+    event = event.turned() if right else event
+    kind, message = change(event, failing(event), growing=False)
+    if (
+        problem_of(event).equations.contact and not problem_of(event).divided
+    ):  # where inequalities are asked for with tolerance
+        return Succession(kind, event, (event,), message=message, margin="breach")
+    start = joined if right else along(event, width, [], lambda found: margin_of(found) > 0)
+    step = max(width, SHORTEST)
+    return Succession(kind, event, (begun(start),), same=False, step=step, message=message, margin="breach")
+
+
+def passed(point: Point) -> tuple[Point, bool]:
+    """The state without the region that has all but vanished, and whether a jump takes its place.
+
+    Raises
+    ------
+    ModelError
+        If the neighbours cannot be joined, or Newton's method fails.
+    """
+    problem = problem_of(point)
+    layout, radii = seen_layout(point)
+    limits, widths = problem.vanishing, np.diff(radii, prepend=0.0)
+    region = min((k for k, limit in enumerate(limits) if limit > 0), key=lambda k: widths[k] / limits[k])
+    joined = layout.without(region)
+    other = joined or layout.collapsed(region)
+    if other is None:
+        raise ModelError("the neighbours of a region that vanished cannot be joined")
+    gone = [region] if region == 0 or joined is None else [region - 1, region]
+    kept = np.delete(radii, gone)
+    if joined is None:
+        kept[region - 1] = (radii[region - 1] + radii[region]) / 2
+    trial, x, p = laid(problem, Functions(*problem.seen(point.x, point.parameter)), other, kept)
+    # Of the direction only what is seen is told: that of displacement and load.
+    along_d = point.tangent_x, point.tangent_parameter
+    rates = problem.rates(point.x, point.parameter, *along_d)
+    try:
+        row = trial.displaced(x, p)
+        x, p = solved(trial, x, p, row)
+        found = resolved(oriented(trial, x, p, row))
+    except (CorrectionError, ValueError) as error:
+        raise ModelError("no state was found without the region that vanished") from error
+    own = problem_of(found).rates(found.x, found.parameter, found.tangent_x, found.tangent_parameter)
+    backwards = own.displacement * rates.displacement + own.load * rates.load < 0.0
+    return found.turned() if backwards else found, joined is None
+
+
+def along(start: Point, width: float, events: Sequence[Event], arrived: Callable[[Point], bool] | None = None) -> Point:
+    """The last point of the curve from a start on, in steps of a width at first, as far as events or `arrived` say."""
+    problem = equilibrium(start)
+    balance, p = problem.balance(start, FIRST * width), start.parameter
+    far = FAR * (1.0 + abs(p))
+    branch = follow(
+        problem.leaving(start, FIRST * width),
+        balance,
+        Range(p - far, p + far),
+        problem.steps(start),
+        events,
+        StopAt(predicate=arrived),
+    )
+    if not branch.points:
+        raise ModelError(f"where a region vanished the curve could not be followed: {branch.end.message}")
+    return branch.points[-1]
+
+
+# -- what is seen of a point ------------------------------------------------------------------------------------------
+def margin_of(point: Point) -> float:
+    """How far the inequalities of contact are from failing."""
+    return equilibrium(point).margin(point.x, point.parameter, "breach")
+
+
+def becomes_right(point: Point, step: float) -> bool:
+    """Whether the inequalities of contact come to hold along the curve, or hold by more, within a step."""
+    problem = equilibrium(point)
+    behind, ahead = (
+        problem.margin(point.x + s * point.tangent_x, point.parameter + s * point.tangent_parameter, "breach")
+        for s in (-step, step)
+    )
+    return ahead >= behind
+
+
+def failing(point: Point) -> Breach:
+    """The inequality that fails at a point."""
+    problem = problem_of(point)
+    equations, fields = problem.seen(point.x, point.parameter)
+    breach = least_margin(equations, fields, problem.scale)
+    if breach is None:
+        raise ModelError("where the contact set changes its inequality could not be told")
+    if breach.region == 0 and equations.contact and breach.radius < CENTRAL * fields.rim.radius:
+        return replace(breach, radius=0.0)
+    return breach
+
+
+def narrowest(point: Point) -> float:
+    """The smallest width of a region that ends somewhere."""
+    return float(np.diff(seen_layout(point)[1], prepend=0.0).min(initial=math.inf))
+
+
+def uncertainty(point: Point) -> float:
+    """How far rounding moves the edges, as a share of the narrowest width: one more correction by Newton's method."""
+    problem, at = problem_of(point), linearise(equilibrium(point), point.x, point.parameter)
+    row = problem.metric(point.x).row(problem, point.tangent_x, point.tangent_parameter)
+    dx, _ = solve(border(problem, point.x, point.parameter, at, row), -at[0], 0.0, point.parameter)
+    _, by_stretch, moves = positions(problem, point.x)
+    if not len(by_stretch):
+        return 0.0
+    return magnitude(by_stretch * dx[problem.size] + moves @ dx[problem.size + 1 :]) / narrowest(point)
+
+
+def change(point: Point, breach: Breach, growing: bool) -> tuple[str, str]:
+    """The kind of an event at which a region begins (or, not growing, ends), and a sentence."""
+    layout, _ = seen_layout(point)
+    new, around = breach.new, layout.regions[breach.region]
+    if not (new.rests or around.rests):  # the interaction's range begins
+        return "", ""
+    centre = breach.radius == 0.0
+    place = "at the centre" if centre else f"on a ring of radius {breach.radius:.6g} (reduced)"
+    level = (new if new.rests else around).index
+    gap = problem_of(point).equations.law.levels[level]
+    where = "the wall" if level == 0 else f"a gap of {gap:.6g} (reduced)"
+    if new.rests:
+        verb, shape = "comes to rest at" if growing else "leaves", ""
+        alone = not any(region.rests and region.index == 0 for region in layout.regions)
+        kind = "touch" if level == 0 and centre and alone else "topology"
+    else:
+        verb, kind = "lifts from" if growing else "comes to rest at", "topology"
+        opens = ("a disc opens into a ring", "an annulus opens")
+        closes = ("a ring closes to a disc", "an annulus closes")
+        shape = f": {(opens if growing else closes)[0 if centre else 1]}"
+    sentence = f"The surface {verb} {where} {place}{shape}."
+    return kind, sentence if kind == "touch" else f"{sentence} {CONE}"

@@ -1,0 +1,127 @@
+"""States with regions: functions of a state whatever its mesh, and meshes with edges of regions among their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contbranch.arrays import Array, magnitude
+from contbranch.contact.interaction_law import terms_of
+
+from .creases import KINK, Crease, apart
+from .equations import Equations, Fields
+from .front import LIFTED, Edge, Front, Kink, Rest
+from .layout import Region
+
+__all__ = ["Functions", "laid_edges", "led_by"]
+
+# Panels next to an edge of regions are this share of the way to the next one, and each farther away is longer by no
+# more than this factor; ends of panels of another mesh are kept where they are this share of the way from the others.
+BESIDE_EDGE, GROWTH, APART = 0.4, 4.0, 0.3
+# Keys of edges of what rests, below those of kinks.
+RESTING = KINK - 1000
+
+
+@dataclass(frozen=True)
+class Functions:
+    """A state as functions of the radius."""
+
+    equations: Equations
+    fields: Fields
+
+    @property
+    def ends(self) -> Array:
+        """Radii at which panels end."""
+        return np.asarray(np.hypot(self.equations.mesh.edges, self.fields.rim.radius))
+
+    @property
+    def central_gap(self) -> float:
+        """Gap in the middle."""
+        return self.equations.rest if self.equations.contact else -self.fields.y
+
+    def transformed(self, t: Array) -> Array:
+        """h(t): outside of the central disc as the mesh has it, inside d + level − ζ(t)."""
+        a, equations = self.fields.rim.radius, self.equations
+        found = equations.mesh.interpolate(self.fields.h, np.sqrt(np.maximum(t * t - a * a, 0.0)))
+        if a > 0.0:
+            inside = equations.displacement(self.fields) + equations.rest - equations.tip.transform(np.minimum(t, a))
+            found = np.where(t < a, inside, found)
+        return found
+
+    def pressure(self, r: Array) -> Array:
+        """Total pressure."""
+        a = self.fields.rim.radius
+        found = self.equations.mesh.interpolate(self.fields.pressure, np.sqrt(np.maximum(r * r - a * a, 0.0)))
+        inside = r < a
+        if inside.any():
+            found[inside] = self.equations.inner_pressure(self.fields, r[inside])
+        return found
+
+
+def laid_edges(roots: Array, ends: Array, bounded: bool, end: float | None = None) -> Array:
+    """Edges of panels with roots among them, and the ends of panels of another mesh where these are not close.
+
+    Parameters
+    ----------
+    bounded : bool
+        Whether the last root is where the mesh ends.
+    end : float, optional
+        Where it ends otherwise.
+    """
+    knots = np.append(0.0, roots)
+    room = np.diff(knots)
+    near = BESIDE_EDGE * np.minimum(room, np.append(room[1:], np.inf))
+    last = float(roots[-1]) if bounded else end or max(float(ends[-1]), 2.0 * float(roots[-1]))
+    ranges = [*zip(knots[:-1], roots, strict=True), *([] if bounded else [(float(roots[-1]), last)])]
+    edges = [*knots, last]
+    for k, (low, high) in enumerate(ranges):
+        middle = (low + high) / 2 if k < len(roots) else high
+        steps = [low + near[k - 1] * GROWTH ** np.arange(60)] if k else []
+        steps += [high - near[k] * GROWTH ** np.arange(60)] if k < len(roots) else []
+        graded = np.concatenate(steps)
+        beyond = np.abs(graded - (low if k else high)) if len(steps) == 1 else np.minimum(graded - low, high - graded)
+        limit = middle - low if k < len(roots) else high - low
+        own = graded[(graded > low) & (graded < high) & (beyond <= limit)]
+        for end in ends[(ends > low) & (ends < high)]:
+            others = np.concatenate([[low, high], own])
+            beside = min(end - low if k else np.inf, high - end if k < len(roots) else np.inf)
+            if np.abs(others - end).min() > APART * beside:
+                own = np.append(own, end)
+        edges += own.tolist() if own.size else [middle]
+    return np.unique(edges)
+
+
+def led_by(equations: Equations, fields: Fields, edge: Edge | None = None) -> Front | Edge | None:
+    """What a mesh with regions moves with: the edge of the tip, or the outermost of theirs, leads it."""
+    if not equations.mesh.roots:
+        return edge
+    mesh, law = equations.mesh, equations.law
+    scale = min((term.range for term in terms_of(equations.interaction)), default=1.0)
+    places = mesh.edges[list(mesh.roots)]
+    lead = edge.place if edge else float(places[-1])
+    # Where only a tiny disc is felt its radius counts all the same, or nothing would tell whether it is found.
+    weight = max(float(mesh.weights @ fields.h**2), (LIFTED * scale) ** 2 * equations.tip.radius_at(scale))
+    pressure = max(magnitude(fields.pressure), 1.0 / scale)
+    regions: Sequence[Region] = [*equations.regions, Region(False, law.outermost)]
+    found: list[Crease] = []
+    for k, place in reversed(list(enumerate(places.tolist()))):
+        inner, outer = regions[k : k + 2]
+        if inner.rests or outer.rests:
+            found.append(Crease(place, np.inf, -1 if inner.rests else -2, 0.0, pressure, 0.0, RESTING - k, True))
+        else:
+            level = max(inner.index, outer.index)
+            key = KINK - equations.kinks.index(law.levels[level])
+            while key in [one.key for one in found]:  # farther in, at another place
+                key -= len(equations.kinks)
+            found.append(Crease(place, np.inf, 0, law.levels[level], scale / place, 0.0, key, True))
+    last, *others = found
+    if edge:
+        others = found
+    creases = tuple(one.stretched(1.0, weight) for one in apart(others, (lead, mesh.innermost)))
+    if edge:
+        return replace(edge, creases=creases)
+    if last.order < 0:
+        return Rest(lead, pressure, lead, weight, 0.0, creases, True, last.order == -2)
+    return Kink(lead, last.value, lead, weight, 0.0, creases, True)

@@ -1,0 +1,185 @@
+"""The inequalities of contact: where regions stop being right, and what comes instead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from contbranch.arrays import Array, magnitude
+from contbranch.models.quadrature import panel_rule
+
+from .equations import Equations, Fields
+from .layout import Layout, Region
+
+__all__ = ["NARROW_RING", "Breach", "layout_of", "least_margin", "radii_of"]
+
+# Next to an edge gap and pressure come to their bounds; an extremum there counts only beyond this share of the largest
+# value, and beyond this absolute share, which discretisation and rounding do not reach.
+EDGE_NOISE, ROUNDING = 1e-6, 1e-8
+# Next to an edge a pressure that answers a given gap is told to this share of what it changes by in its region; one
+# below the second share of the outermost radius is all edge.
+PRESSURE_NOISE, NARROW = 0.05, 0.02
+# Radii in units of the disc's at which the pressure in it is looked at: next to the rim it comes to its bound.
+INSIDE = 0.95 * np.sin(np.linspace(0.0, 0.5, 17) * np.pi)
+# A jump takes the place of a resting ring between two bands when that has become this narrow, as a share of its radius.
+# It leaves out a tenth of the square, measured against the closed form, and the gap passes the level there by the step
+# of the pressure times the width left out over 2π, if that is straight: a tenth more.
+NARROW_RING, PASSES = 3e-5, 1.1 / (2 * math.pi)
+# Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
+REAL = 1e-6
+# Nodes of the polynomial that tells a minimum between the neighbours of a node.
+BETWEEN = 12
+
+
+@dataclass(frozen=True)
+class Breach:
+    """The place in a region where an inequality is closest to failing.
+
+    Attributes
+    ----------
+    margin : float
+        Gap to the next level (in units of the interaction's range) or pressure to its bound (in units of the largest);
+        negative: the regions are wrong.
+    region : int
+        Of `layout_of`.
+    radius : float
+        0: at the centre.
+    new : Region
+        What begins there.
+    """
+
+    margin: float
+    region: int
+    radius: float
+    new: Region
+
+
+def layout_of(equations: Equations) -> Layout:
+    """All regions, the central disc among them."""
+    mesh = equations.mesh
+    disc = (Region(True, equations.level),) if equations.contact else ()
+    return Layout((*disc, *equations.regions), bool(mesh.bounded and mesh.roots and mesh.roots[-1] == mesh.panels))
+
+
+def radii_of(equations: Equations, fields: Fields) -> Array:
+    """The radii of the edges between them."""
+    mesh, a = equations.mesh, fields.rim.radius
+    outside = np.hypot(mesh.edges[list(mesh.roots)], a)
+    return np.append(a, outside) if equations.contact else outside
+
+
+def least_margin(equations: Equations, fields: Fields, scale: float) -> Breach | None:
+    """The inequality closest to failing; None if no gap and no pressure has an extremum against its bound."""
+    if "breach" not in fields.derived:
+        found = list(_breaches(equations, fields, scale))
+        fields.derived["breach"] = min(found, key=lambda breach: breach.margin) if found else None
+    breach: Breach | None = fields.derived["breach"]
+    return breach
+
+
+def _breaches(equations: Equations, fields: Fields, scale: float) -> Iterator[Breach]:
+    """The interior extrema of gaps and pressures against their bounds, in every region."""
+    law, a, mesh = equations.law, fields.rim.radius, equations.mesh
+    largest = max(magnitude(fields.pressure), 1.0 / scale)
+    if equations.contact and a > 0.0:
+        places, middle = a * INSIDE, equations.middle_pressure(fields)
+        inner = np.append(middle, equations.inner_pressure(fields, places[1:]))
+        low, high = law.bounds(equations.level)
+        largest = max(largest, abs(low))
+        for sign, bound, band in ((1.0, low, equations.level), (-1.0, high, equations.level - 1)):
+            margin = sign * (inner - bound) / largest
+            if math.isfinite(bound):
+                least = int(margin.argmin())
+                value, place = float(margin[least]), float(places[least])
+                if 0 < least < len(places) - 1:
+
+                    def apart(r: Array, sign: float = sign, bound: float = bound) -> Array:
+                        return sign * (equations.inner_pressure(fields, r) - bound) / largest
+
+                    value, place = min((value, place), _lowest(apart, *places[[least - 1, least + 1]].tolist()))
+                yield Breach(value, 0, place, Region(False, band))
+    first = int(equations.contact)
+    for k, (nodes, region) in enumerate(equations.divided()):
+        at = partial(_extrema, equations, fields, nodes, k)
+        pairs = pairwise(equations.regions[max(k - 1, 0) : k + 2])
+        jumps = [max(one.index, other.index) for one, other in pairs if not (one.rests or other.rests)]
+        steps = [law.bounds(level)[1] - law.bounds(level)[0] for level in jumps]
+        width = NARROW_RING * float(radii_of(equations, fields)[-1]) if steps else 0.0
+        passes = PASSES * max(steps, default=0.0) * width
+        if region.rests:
+            low, high = law.bounds(region.index)
+            pressure = fields.pressure[nodes]
+            for sign, bound, band in ((1.0, low, region.index), (-1.0, high, region.index - 1)):
+                for value, radius in at(sign * (pressure - bound) / largest, True) if math.isfinite(bound) else ():
+                    yield Breach(value, first + k, radius, Region(False, band))
+            continue
+        gap = fields.gap[nodes]
+        bounds = [(law.levels[region.index], 1.0, region.index)]
+        if region.index < law.outermost and not (k == len(equations.regions) - 1 and not mesh.bounded):
+            bounds.append((law.levels[region.index + 1], -1.0, region.index + 1))
+        for level, sign, index in bounds:
+            centre = sign * (-fields.y - level) / scale if k == 0 and not equations.contact else math.nan
+            rests = law.holds(index)
+            ends = not (rests and (index or len(equations.resting)))  # there the range of the parameter does
+            new = Region(True, index) if rests else Region(False, index if sign < 0.0 else index - 1)
+            for value, radius in at(sign * (gap - level) / scale, False, centre, passes / scale):
+                if radius > 0.0 or not ends:
+                    yield Breach(value, first + k, radius, new)
+
+
+def _extrema(
+    equations: Equations,
+    fields: Fields,
+    nodes: slice,
+    region: int,
+    values: Array,
+    rests: bool,
+    centre: float = math.nan,
+    passes: float = 0.0,
+) -> Iterator[tuple[float, float]]:
+    """The minima of a margin, given at the nodes of a region and at the centre where that is in it, and their radii."""
+    mesh, a = equations.mesh, fields.rim.radius
+    whole, tau = np.zeros(mesh.size), mesh.nodes[nodes]
+    whole[nodes] = np.where(np.isfinite(values), values, np.inf)
+    finite = np.isfinite(values)
+    whole[~np.isfinite(whole)] = 0.0
+    ends = mesh.edges[[nodes.start // mesh.order, nodes.stop // mesh.order]]
+    rooted = (
+        region > 0 or equations.contact,
+        region < len(equations.regions) - 1 or bool(mesh.bounded and mesh.root[-1]),
+    )
+    share = float((np.hypot(ends[1], a) - np.hypot(ends[0], a)) / np.hypot(ends[1], a)) if rooted[1] else 1.0
+    noise = (
+        EDGE_NOISE * magnitude(values[finite]) + ROUNDING + (PRESSURE_NOISE * float(np.ptp(values)) if rests else 0.0)
+    )
+    narrow = share < NARROW
+    if math.isfinite(centre) and centre <= values[0]:
+        yield centre + noise * narrow, 0.0
+    last = nodes.stop // mesh.order - 1
+    lower = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
+    if math.isfinite(centre) and values[0] < centre and values[0] < values[1]:
+        lower = np.append(0, lower)
+    at = partial(mesh.interpolate, whole)
+    for i in lower:
+        value, place = _lowest(at, float(tau[i - 1]) if i else 0.0, float(tau[i + 1]))
+        panel = int(np.searchsorted(mesh.edges[1:-1], place))
+        beside = narrow or (rooted[0] and panel == nodes.start // mesh.order) or (rooted[1] and panel == last)
+        tail = magnitude(mesh.rule.to_legendre[-2:] @ whole[panel * mesh.order : (panel + 1) * mesh.order])
+        yield value + passes + (noise + mesh.order * tail) * beside, math.hypot(place, a)
+
+
+def _lowest(at: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
+    """The minimum of a smooth function between places, and where."""
+    rule, half = panel_rule(BETWEEN), (high - low) / 2
+    series = rule.to_legendre @ at(low + half * (1 + rule.nodes))
+    turning = legendre.legroots(legendre.legder(series))
+    places = np.append(turning.real[(np.abs(turning.imag) < REAL) & (np.abs(turning) < 1)], [-1.0, 1.0])
+    values = legendre.legval(places, series)
+    least = int(np.argmin(values))
+    return float(values[least]), float(low + half * (1 + places[least]))
