@@ -152,9 +152,7 @@ def test_relaxation_passes_and_reaches_rings(control):
     ("contact", "name", "threshold"),
     [
         (BLUNT, "range[1]", "squeeze_out_load"),
-        (BLUNT, "exponent", "wetting_displacement"),
         (STEP, "range", "touch_load"),
-        (STEP, "work_of_adhesion", "touch_displacement"),
     ],
 )
 def test_sensitivities_with_rings_are_differences_of_traces(contact, name, threshold):

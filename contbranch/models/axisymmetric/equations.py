@@ -48,7 +48,7 @@ STRIP = 4
 WITHIN = 1.0 - 1e-9
 # Radii so much smaller than the distance from the rim do not matter for the slope of a tip's gap.
 APART = 1e-6
-NONE = np.zeros(0, dtype=np.intp)
+NONE, NO_LAW = np.zeros(0, dtype=np.intp), BandedLaw(None)
 # v'' where the gap rests, in units of the largest elsewhere: larger ones say no more, and cost digits.
 RIGID = 1e6
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
@@ -198,6 +198,8 @@ class Equations:
         What lies between the root edges of the mesh, from inside outwards.
     level : int
         The level of the law at which the central disc rests.
+    law : BandedLaw
+        That of the interaction; made where it is another's.
 
     Attributes
     ----------
@@ -214,9 +216,12 @@ class Equations:
     contact: bool
     regions: tuple[Region, ...] = (Region(False, 0),)
     level: int = 0
+    law: BandedLaw = NO_LAW
 
     def __post_init__(self) -> None:
-        self.law, self.resting, self._levels = BandedLaw(self.interaction), NONE, np.zeros(0)
+        if self.law.interaction is not self.interaction:  # otherwise what it knows is kept
+            self.law = BandedLaw(self.interaction)
+        self.resting, self._levels = NONE, np.zeros(0)
         if len(self.regions) > 1:
             rest = [(nodes, region.index) for nodes, region in self.divided() if region.rests]
             self.resting = np.concatenate([NONE, *(np.arange(nodes.start, nodes.stop) for nodes, _ in rest)])
