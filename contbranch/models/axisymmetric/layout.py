@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 __all__ = ["Layout", "Region"]
 
@@ -36,25 +37,26 @@ class Layout:
     regions: tuple[Region, ...]
     bounded: bool
 
-    def born(self, region: int, new: Region, centre: bool) -> Layout:
+    def born(self, region: int, new: Region, centre: bool) -> Self:
         """With a region born inside another one, or at the centre of the first."""
         old = self.regions[region]
         return self._with(region, (new, old) if centre else (old, new, old), region + 1)
 
-    def without(self, region: int) -> Layout | None:
+    def without(self, region: int) -> Self | None:
         """Without a region that has shrunk to nothing; None if its neighbours cannot be joined."""
         before, after = self.regions[:region], self.regions[region + 1 :]
         if not before:
             return self._with(0, (), 1) if after else None
         return self._with(region, (), region + 2) if after and before[-1] == after[0] else None
 
-    def collapsed(self, region: int) -> Layout | None:
+    def collapsed(self, region: int) -> Self | None:
         """With a narrow resting ring replaced by a jump; None if it does not separate two bands."""
         before, after = self.regions[:region], self.regions[region + 1 :]
-        if not before or not self.regions[region].rests or not (after or self.bounded):
+        rests = any(gone.rests for gone in self.regions[region : region + 1])
+        if not (before and rests and (after or self.bounded)):
             return None
         return None if after and before[-1] == after[0] else self._with(region, (), region + 1)
 
-    def _with(self, first: int, new: tuple[Region, ...], last: int) -> Layout:
+    def _with(self, first: int, new: tuple[Region, ...], last: int) -> Self:
         """With other regions in place of some."""
-        return Layout(self.regions[:first] + new + self.regions[last:], self.bounded)
+        return replace(self, regions=self.regions[:first] + new + self.regions[last:])
