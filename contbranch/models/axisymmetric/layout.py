@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
 
 __all__ = ["Layout", "Region"]
 
@@ -37,26 +36,25 @@ class Layout:
     regions: tuple[Region, ...]
     bounded: bool
 
-    def born(self, region: int, new: Region, centre: bool) -> Self:
+    def born(self, region: int, new: Region, centre: bool) -> Layout:
         """With a region born inside another one, or at the centre of the first."""
         old = self.regions[region]
         return self._with(region, (new, old) if centre else (old, new, old), region + 1)
 
-    def without(self, region: int) -> Self | None:
+    def without(self, region: int) -> Layout | None:
         """Without a region that has shrunk to nothing; None if its neighbours cannot be joined."""
         before, after = self.regions[:region], self.regions[region + 1 :]
         if not before:
             return self._with(0, (), 1) if after else None
         return self._with(region, (), region + 2) if after and before[-1] == after[0] else None
 
-    def collapsed(self, region: int) -> Self | None:
+    def collapsed(self, region: int) -> Layout | None:
         """With a narrow resting ring replaced by a jump; None if it does not separate two bands."""
         before, after = self.regions[:region], self.regions[region + 1 :]
-        rests = any(gone.rests for gone in self.regions[region : region + 1])
-        if not (before and rests and (after or self.bounded)):
+        if not before or not self.regions[region].rests or not (after or self.bounded):
             return None
         return None if after and before[-1] == after[0] else self._with(region, (), region + 1)
 
-    def _with(self, first: int, new: tuple[Region, ...], last: int) -> Self:
+    def _with(self, first: int, new: tuple[Region, ...], last: int) -> Layout:
         """With other regions in place of some."""
-        return replace(self, regions=self.regions[:first] + new + self.regions[last:])
+        return Layout(self.regions[:first] + new + self.regions[last:], self.bounded)

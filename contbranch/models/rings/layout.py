@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
-
-from contbranch.models.axisymmetric import layout
-from contbranch.models.axisymmetric.layout import Region
 
 __all__ = ["Layout", "Region"]
 
 
 @dataclass(frozen=True)
-class Layout(layout.Layout):
+class Region:
+    """A disc or annulus (or what lies outside of all of them).
+
+    Attributes
+    ----------
+    rests : bool
+        Whether the gap rests at a level there, with an unknown pressure; otherwise it floats within a band, with the
+        law's pressure.
+    index : int
+        Level or band, see `BandedLaw`.
+    """
+
+    rests: bool
+    index: int
+
+
+@dataclass(frozen=True)
+class Layout:
     """Regions from the centre outwards.
 
     Resting and floating ones alternate, except where a resting ring is too narrow to matter: there the two floating
@@ -21,6 +34,8 @@ class Layout(layout.Layout):
     then (`whole`).
     """
 
+    regions: tuple[Region, ...]
+    bounded: bool
     whole: bool = False
 
     @property
@@ -62,11 +77,24 @@ class Layout(layout.Layout):
             return max(self.regions[edge].index, self.regions[edge + 1].index)
         return self.regions[edge].index + 1
 
+    def collapsed(self, region: int) -> Layout | None:
+        """With a narrow resting ring replaced by a jump; None if it does not separate two bands."""
+        before, own, after = self.regions[:region], self.regions[region : region + 1], self.regions[region + 1 :]
+        if not before or not any(gone.rests for gone in own) or not (after or self.bounded):
+            return None
+        return None if after and before[-1] == after[0] else replace(self, regions=before + after)
+
     def resting(self, edge: int) -> Region:
         """The resting region at an edge."""
         return self.regions[edge] if self.regions[edge].rests else self.regions[edge + 1]
 
-    def without(self, region: int) -> Self | None:
+    def born(self, region: int, new: Region, centre: bool) -> Layout:
+        """With a region born inside another one, or at the centre of the first."""
+        old = self.regions[region]
+        inserted = (new, old) if centre else (old, new, old)
+        return replace(self, regions=self.regions[:region] + inserted + self.regions[region + 1 :])
+
+    def without(self, region: int) -> Layout | None:
         """Without a region that has shrunk to nothing; None if its neighbours cannot be joined.
 
         What lies outside of a bounded layout counts as its last region where the tip ends: that may vanish.
