@@ -20,6 +20,8 @@ __all__ = [
     "gauss",
     "gauss_between",
     "half_order_rule",
+    "rooted_coefficients",
+    "rooted_values",
     "legendre_values",
     "panel_rule",
     "peak_pressure",
@@ -27,7 +29,7 @@ __all__ = [
 ]
 
 # Nodes of an integral over a tip, and nodes of an integral for the smooth factor besides a panel's polynomial.
-PEAK, SMOOTH_FACTOR = 32, 12
+PEAK = 32
 # ... and of one for a panel's own root per polynomial: the substitution makes them exponentials.
 OWN_ROOT = 3
 
@@ -83,6 +85,34 @@ def chebyshev_values(count: int, x: Array, factors: Array | float = 1.0) -> Arra
     return values
 
 
+def rooted_values(order: int, power: int, s: Array, factors: Array | float = 1.0) -> Array:
+    """Polynomials in s and what ``s^power log s`` has besides these, times factors; shape (order, *s.shape).
+
+    Next to an edge, from which distances are s², the pressure goes like s, h like s² log s, and h times their rate like
+    s³ log s.
+    """
+    values = chebyshev_values(order, 2 * s - 1, factors)
+    known, scale = _smooth_part(order, power)
+    values[-1] = (factors * s**power * np.log(s) - np.tensordot(known, values[:-1], 1)) / scale
+    return values
+
+
+@cache
+def _smooth_part(order: int, power: int) -> tuple[Array, float]:
+    """Chebyshev coefficients of ``s^power log s`` up to the degree order − 2, and that of the next degree."""
+    angles = (np.arange(200) + 0.5) * np.pi / 200
+    s = (1 + np.cos(angles)) / 2
+    found = 2 * np.cos(np.outer(np.arange(order), angles)) @ (s**power * np.log(s)) / 200
+    found[0] /= 2
+    return found[:-1], float(found[-1])
+
+
+@cache
+def rooted_coefficients(order: int, power: int) -> Array:
+    """Values at the nodes of a panel that begins at such an edge -> coefficients; (order, order)."""
+    return np.asarray(np.linalg.inv(rooted_values(order, power, (1 + panel_rule(order).nodes) / 2).T), dtype=np.float64)
+
+
 @dataclass(frozen=True)
 class HalfOrderRule:
     """Integrals with the weight 1/√(x − t) over a panel, t from −1 to 1 or x, of its polynomial times a smooth factor.
@@ -93,6 +123,7 @@ class HalfOrderRule:
 
     nodes: Array  # (m,): Gauss nodes, more of them than a panel has
     values: Array  # (m, n): a panel's nodal values -> values at the nodes
+    rooted: Array  # (m, n): the same of h times the rate of distances on a panel that begins at an edge
     own: Array  # (3, n, m): weights where x is a node of the panel; without a root, with one at t = 1, at t = −1
     projection: Array  # (m, m): values at the nodes -> Legendre coefficients, divided by k + 1/2
 
@@ -110,14 +141,14 @@ class HalfOrderRule:
 
 
 @cache
-def half_order_rule(order: int) -> HalfOrderRule:
-    """The rule for panels of `order` nodes.
+def half_order_rule(order: int, factor: int) -> HalfOrderRule:
+    """The rule for panels of `order` nodes, with as many further ones for the smooth factor.
 
     Within the panel ``∫ P_k(t)/√(x − t) dt = (T_k(x) + T_{k+1}(x)) / ((k + 1/2) √(1 + x))`` from −1 to x. Distances s
     from a root, (1 ± t)/2, have the weight 1/√|s_x² − s²|, which s = s_x cosh y removes, or s = s_x sin y.
     """
     rule = panel_rule(order)
-    nodes, weights = gauss(order + SMOOTH_FACTOR)
+    nodes, weights = gauss(order + factor)
     count = len(nodes)
     projection = legendre_values(count, nodes) * weights
     chebyshev = chebyshev_values(count + 1, rule.nodes)
@@ -129,7 +160,8 @@ def half_order_rule(order: int) -> HalfOrderRule:
         values = legendre_values(count, sign * (2 * own_s[:, None] * function(y) - 1))
         moments = (values * scale).sum(axis=2).T * (np.arange(count) + 0.5)
         own.append(np.sqrt(2) * moments @ projection)
-    return HalfOrderRule(nodes, rule.lagrange(nodes), np.array(own), projection)
+    rooted = rooted_values(order, 3, (1 + nodes) / 2).T @ rooted_coefficients(order, 3)
+    return HalfOrderRule(nodes, rule.lagrange(nodes), rooted, np.array(own), projection)
 
 
 @cache

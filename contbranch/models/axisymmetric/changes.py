@@ -22,7 +22,7 @@ from .front import Edge
 from .laying import Functions, laid_edges, led_by
 from .layout import Layout, Region
 from .mesh import mesh_on
-from .regions import NARROW_RING, Breach, layout_of, least_margin, radii_of
+from .regions import Breach, layout_of, least_margin, radii_of
 
 if TYPE_CHECKING:
     from .problem import ContactProblem
@@ -257,17 +257,17 @@ def failed(points: Sequence[Point]) -> tuple[Point, int]:
 def begun(point: Point) -> Point:
     """The point as the start of a piece of curve, with the widths at which its regions vanish."""
     problem = problem_of(point)
-    return replace(point, problem=replace(problem, vanishing=vanishing_widths(*seen_layout(point))))
+    return replace(point, problem=replace(problem, vanishing=vanishing_widths(*seen_layout(point), problem.narrow_ring)))
 
 
-def vanishing_widths(layout: Layout, radii: Array) -> tuple[float, ...]:
+def vanishing_widths(layout: Layout, radii: Array, narrow_ring: float) -> tuple[float, ...]:
     """Widths in shares of the outermost edge at which regions vanish on a piece of the curve; 0: never."""
     if len(radii) == 0 or (len(radii) == 1 and layout.regions[0].rests):
         return ()
     found = []
     for k, share in enumerate(np.diff(radii, prepend=0.0) / radii[-1]):
         joins, collapses = layout.without(k) is not None, layout.collapsed(k) is not None
-        least = NARROWEST if joins else NARROW_RING if collapses else 0.0
+        least = NARROWEST if joins else narrow_ring if collapses else 0.0
         found.append(float(min(least, SHRUNK * share)))
     return tuple(found)
 
@@ -405,9 +405,9 @@ def on_level(point: Point, index: int, radius: float) -> Point:
     width = CLOSING * math.exp(-math.pi * steep / (2 * law.pressure(index - 1, index)))
     trials = [(Layout((rests, *around), False), np.array([share * radius])) for share in DISCS]
     holes = [(Layout((inside, rests, *around), False), np.array([share * radius, radius])) for share in HOLES]
-    if width < NARROW_RING:  # a jump, from the beginning
+    if width < problem.narrow_ring:  # a jump, from the beginning
         holes = [(Layout((inside, *around), False), np.array([radius]))]
-    trials = trials + holes if tip.apex_exponent > 1.0 else holes if width <= SHARPEST or width < NARROW_RING else []
+    trials = trials + holes if tip.apex_exponent > 1.0 else holes if width <= SHARPEST or width < problem.narrow_ring else []
     for layout, radii in trials:
         hold = outermost_held
         try:
@@ -537,7 +537,7 @@ def failing(point: Point) -> Breach:
     """The inequality that fails at a point."""
     problem = problem_of(point)
     equations, fields = problem.seen(point.x, point.parameter)
-    breach = least_margin(equations, fields, problem.scale)
+    breach = least_margin(equations, fields, problem.scale, problem.narrow_ring)
     if breach is None:
         raise ModelError("where the contact set changes its inequality could not be told")
     if breach.region == 0 and equations.contact and breach.radius < CENTRAL * fields.rim.radius:

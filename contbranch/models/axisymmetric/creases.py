@@ -150,7 +150,7 @@ class Crease:
     def wanted(self, mesh: Mesh, equations: Equations) -> float:
         """What the gap, its slope or the pressure there is to be; a neighbouring law's may be another."""
         if self.order < 0:
-            k = int(np.flatnonzero(mesh.edges[list(mesh.roots)] == self.place)[0])
+            k = int(np.abs(mesh.edges[list(mesh.roots)] - self.place).argmin())
             rests, floats = equations.beside(k, inside=self.order == -1)
             return equations.law.pressure(floats.index, rests.index)
         if not self.kink:

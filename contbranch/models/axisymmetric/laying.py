@@ -84,7 +84,8 @@ def laid_edges(roots: Array, ends: Array, bounded: bool, end: float | None = Non
         beyond = np.abs(graded - (low if k else high)) if len(steps) == 1 else np.minimum(graded - low, high - graded)
         limit = middle - low if k < len(roots) else high - low
         own = graded[(graded > low) & (graded < high) & (beyond <= limit)]
-        for end in ends[(ends > low) & (ends < high)]:
+        first, final = (low + near[k - 1] if k else low), (high - near[k] if k < len(roots) else high)
+        for end in ends[(ends > first) & (ends < final)]:
             others = np.concatenate([[low, high], own])
             beside = min(end - low if k else np.inf, high - end if k < len(roots) else np.inf)
             if np.abs(others - end).min() > APART * beside:

@@ -16,7 +16,15 @@ from itertools import pairwise
 import numpy as np
 
 from contbranch.arrays import Array, Indices
-from contbranch.models.quadrature import chebyshev_values, gauss, gauss_between, half_order_rule, panel_rule
+from contbranch.models.quadrature import (
+    chebyshev_values,
+    gauss,
+    gauss_between,
+    half_order_rule,
+    panel_rule,
+    rooted_coefficients,
+    rooted_values,
+)
 from contbranch.watch import check
 
 __all__ = ["Mesh", "mesh_on"]
@@ -30,6 +38,8 @@ NEAR_ROOT = 3.0
 SMOOTH = 3.0
 # Gauss nodes, besides twice a panel's, where a substitution leaves a long range.
 LONG = 16
+# Further Gauss nodes for the smooth factor of a kernel, and for x log x next to an edge, as a multiple of a panel's.
+SMOOTH_FACTOR, LOGARITHM = 12, 3
 # Meshes that are kept.
 MESHES = 16
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
@@ -260,8 +270,9 @@ class Mesh:
         smooth = self.edges[source] + self.half[source] + self.edges[target] >= SMOOTH * self.half[source]
         smooth, across = smooth | (root != 0), (root > 0) & ~own
         for same in (True, False):
-            pick = np.flatnonzero(smooth & ~across & (own == same))
-            blocks[pick] = self._smooth(target[pick], source[pick], upwards, same)
+            for rooted in (True, False) if self.roots else (False,):
+                if (pick := np.flatnonzero(smooth & ~across & (own == same) & ((root != 0) == rooted))).size:
+                    blocks[pick] = self._smooth(target[pick], source[pick], upwards, same)
         if (pick := np.flatnonzero(~smooth)).size:
             nodes, panel = self.nodes.reshape(-1, n)[target[pick]].ravel(), np.repeat(source[pick], n)
             rows = self._up(nodes, panel) if upwards else self._down(nodes, panel)
@@ -276,7 +287,8 @@ class Mesh:
         Upwards all is seen in a mirror. On panels with a root the differences of squares of the distances from it,
         ``s_rho² − s_tau²``, are products, too.
         """
-        rule, sign = half_order_rule(self.order), -1 if upwards else 1
+        sign, bends = -1 if upwards else 1, not upwards and bool(self.root[source].any())
+        rule = half_order_rule(self.order, LOGARITHM * self.order if bends else SMOOTH_FACTOR)
         half, nodes = self.half[source][:, None], self.nodes.reshape(-1, self.order)[target]
         root = sign * self.root[source]
         tau = self.edges[source][:, None] + 2 * half * _shares((1 + sign * rule.nodes) / 2, sign * root[:, None])
@@ -292,6 +304,9 @@ class Mesh:
                 rooted = np.flatnonzero(root)
                 smooth[rooted] *= np.sqrt(2 / (3 + away[rooted, :, None] + rule.nodes))
             weights = rule.beyond(away)
+        if bends:
+            values = np.where(root[:, None, None] < 0, rule.rooted, rule.rooted[::-1, ::-1])
+            return np.asarray(np.matmul(weights * smooth, values))
         return np.asarray((weights * smooth) @ (rule.values[:, ::-1] if upwards else rule.values))
 
     def _across(self, target: Indices, source: Indices, upwards: bool) -> Array:
@@ -304,8 +319,12 @@ class Mesh:
         factors = 2 * tau if upwards else 2 / np.pi
         weights *= factors * np.sqrt(2 * half / (self.nodes.reshape(-1, self.order)[target][:, :, None] + tau))
         shape = -1, y.shape[-1]
-        rows = self._projected((sign * (1 - 2 * s)).reshape(shape), weights.reshape(shape))
-        return np.asarray(rows.reshape(-1, self.order, self.order) @ self.rule.to_chebyshev)
+        if upwards:
+            rows = self._projected((2 * s - 1).reshape(shape), weights.reshape(shape))
+            return np.asarray(rows.reshape(-1, self.order, self.order) @ self.rule.to_chebyshev)
+        values = rooted_values(self.order, 3, s.reshape(shape), weights.reshape(shape))
+        rows = np.add.reduce(values, axis=2).T.reshape(-1, self.order, self.order)
+        return np.asarray((rows @ rooted_coefficients(self.order, 3))[:, :, ::-1])
 
     def _beyond(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """Distances of the nodes of panels from the nearer ends of others, (pairs, n); to all their digits."""
@@ -341,15 +360,15 @@ class Mesh:
         rule, n, rows = self.rule, self.order, np.zeros((len(self.roots), self.size))
         nodes, weights = gauss(2 * n + LONG)
         values = rule.lagrange(nodes)
+        bent = (rooted_values(n, 2, (1 - nodes) / 2).T @ rooted_coefficients(n, 2))[:, ::-1]
         for row, root in zip(rows, self.roots, strict=True):
             for k in range(root):
-                touching, kind = k == root - 1, self.root[k]
-                z, w, own = (rule.nodes, rule.weights, None) if touching else (nodes, weights, values)
-                share = _shares((1 - z) / 2, -kind)  # of the way from the outer end
+                kind = self.root[k]
+                share = _shares((1 - nodes) / 2, -kind)  # of the way from the outer end
                 away = self.edges[root] - self.edges[k + 1] + 2 * self.half[k] * share
-                factor = w * self.half[k] * _stretching((1 + z) / 2, kind)
+                factor = weights * self.half[k] * _stretching((1 + nodes) / 2, kind)
                 factor *= (2 / np.pi) / np.sqrt(away * (2 * self.edges[root] - away))
-                row[k * n : (k + 1) * n] = factor if own is None else factor @ own
+                row[k * n : (k + 1) * n] = factor @ (bent[::kind, ::kind] if kind else values)
         return np.vstack([self.plane, rows])
 
     # -- fields on the mesh -------------------------------------------------------------------------------------------

@@ -340,7 +340,7 @@ class MeshedContact(MovingContact):
             equations, n = self.placed(x), self.size
             h, edges = x[:n], joined(equations.mesh.edges, front.creases)
             if self.mesh.roots:
-                roots, rooted = edges[list(equations.mesh.roots)], bool(equations.mesh.root[-1])
+                roots, rooted = edges[list(equations.mesh.roots)], equations.mesh.root[-1] > 0
                 edges = laid_edges(roots, edges, rooted, float(edges[-1]) if equations.mesh.bounded else None)
             if edges is not equations.mesh.edges:
                 before, equations = equations, equations.on(self._mesh(edges, front, equations.mesh.bounded))

@@ -28,8 +28,6 @@ class Axisymmetric:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
-        if any(isinstance(law, MaugisDugdale) and law.work_of_adhesion < 0.0 for law in terms_of(contact.interaction)):
-            return "the gap may rest where the pressure of the maugis-dugdale law jumps at the end of its range"
         return None
 
     def problem(self, contact: Contact, accuracy: float) -> ContactProblem:

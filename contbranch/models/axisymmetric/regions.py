@@ -17,7 +17,7 @@ from contbranch.models.quadrature import panel_rule
 from .equations import Equations, Fields
 from .layout import Layout, Region
 
-__all__ = ["NARROW_RING", "Breach", "layout_of", "least_margin", "radii_of"]
+__all__ = ["Breach", "layout_of", "least_margin", "radii_of"]
 
 # Next to an edge gap and pressure come to their bounds; an extremum there counts only beyond this share of the largest
 # value, and beyond this absolute share, which discretisation and rounding do not reach.
@@ -25,12 +25,11 @@ EDGE_NOISE, ROUNDING = 1e-6, 1e-8
 # Next to an edge a pressure that answers a given gap is told to this share of what it changes by in its region; one
 # below the second share of the outermost radius is all edge.
 PRESSURE_NOISE, NARROW = 0.05, 0.02
-# Radii in units of the disc's at which the pressure in it is looked at: next to the rim it comes to its bound.
-INSIDE = 0.95 * np.sin(np.linspace(0.0, 0.5, 17) * np.pi)
-# A jump takes the place of a resting ring between two bands when that has become this narrow, as a share of its radius.
-# It leaves out a tenth of the square, measured against the closed form, and the gap passes the level there by the step
-# of the pressure times the width left out over 2π, if that is straight: a tenth more.
-NARROW_RING, PASSES = 3e-5, 1.1 / (2 * math.pi)
+# Radii in units of the disc's at which the pressure in it is looked at, denser next to the rim.
+INSIDE = np.sqrt(1 - np.concatenate([np.linspace(1.0, 0.1, 16), np.geomspace(0.08, 1e-4, 20)]) ** 2)
+# Where a jump takes the place of a narrow resting ring, the gap passes the level by the step of the pressure times the
+# width left out over 2π, if that is straight: a tenth more.
+PASSES = 1.1 / (2 * math.pi)
 # Turning points of a panel's polynomial whose imaginary part is no larger are real: two may all but coincide.
 REAL = 1e-6
 # Nodes of the polynomial that tells a minimum between the neighbours of a node.
@@ -74,16 +73,19 @@ def radii_of(equations: Equations, fields: Fields) -> Array:
     return np.append(a, outside) if equations.contact else outside
 
 
-def least_margin(equations: Equations, fields: Fields, scale: float) -> Breach | None:
-    """The inequality closest to failing; None if no gap and no pressure has an extremum against its bound."""
+def least_margin(equations: Equations, fields: Fields, scale: float, narrow_ring: float) -> Breach | None:
+    """The inequality closest to failing; None if no gap and no pressure has an extremum against its bound.
+
+    `narrow_ring`: see `ContactProblem.narrow_ring`.
+    """
     if "breach" not in fields.derived:
-        found = list(_breaches(equations, fields, scale))
+        found = list(_breaches(equations, fields, scale, narrow_ring))
         fields.derived["breach"] = min(found, key=lambda breach: breach.margin) if found else None
     breach: Breach | None = fields.derived["breach"]
     return breach
 
 
-def _breaches(equations: Equations, fields: Fields, scale: float) -> Iterator[Breach]:
+def _breaches(equations: Equations, fields: Fields, scale: float, narrow_ring: float) -> Iterator[Breach]:
     """The interior extrema of gaps and pressures against their bounds, in every region."""
     law, a, mesh = equations.law, fields.rim.radius, equations.mesh
     largest = max(magnitude(fields.pressure), 1.0 / scale)
@@ -93,25 +95,25 @@ def _breaches(equations: Equations, fields: Fields, scale: float) -> Iterator[Br
         low, high = law.bounds(equations.level)
         largest = max(largest, abs(low))
         for sign, bound, band in ((1.0, low, equations.level), (-1.0, high, equations.level - 1)):
+            if not math.isfinite(bound):
+                continue
+
+            def apart(r: Array, sign: float = sign, bound: float = bound) -> Array:
+                return sign * (equations.inner_pressure(fields, r) - bound) / largest
+
             margin = sign * (inner - bound) / largest
-            if math.isfinite(bound):
-                least = int(margin.argmin())
-                value, place = float(margin[least]), float(places[least])
-                if 0 < least < len(places) - 1:
-
-                    def apart(r: Array, sign: float = sign, bound: float = bound) -> Array:
-                        return sign * (equations.inner_pressure(fields, r) - bound) / largest
-
-                    value, place = min((value, place), _lowest(apart, *places[[least - 1, least + 1]].tolist()))
+            if margin[0] <= margin[1]:
+                yield Breach(float(margin[0]), 0, 0.0, Region(False, band))
+            for i in np.flatnonzero((margin[1:-1] <= margin[:-2]) & (margin[1:-1] < margin[2:])) + 1:
+                found = _lowest(apart, *places[[i - 1, i + 1]].tolist())
+                value, place = min((float(margin[i]), float(places[i])), found)
                 yield Breach(value, 0, place, Region(False, band))
     first = int(equations.contact)
     for k, (nodes, region) in enumerate(equations.divided()):
         at = partial(_extrema, equations, fields, nodes, k)
         pairs = pairwise(equations.regions[max(k - 1, 0) : k + 2])
         jumps = [max(one.index, other.index) for one, other in pairs if not (one.rests or other.rests)]
-        steps = [law.bounds(level)[1] - law.bounds(level)[0] for level in jumps]
-        width = NARROW_RING * float(radii_of(equations, fields)[-1]) if steps else 0.0
-        passes = PASSES * max(steps, default=0.0) * width
+        width = narrow_ring * float(radii_of(equations, fields)[-1]) if jumps else 0.0
         if region.rests:
             low, high = law.bounds(region.index)
             pressure = fields.pressure[nodes]
@@ -126,6 +128,8 @@ def _breaches(equations: Equations, fields: Fields, scale: float) -> Iterator[Br
         for level, sign, index in bounds:
             centre = sign * (-fields.y - level) / scale if k == 0 and not equations.contact else math.nan
             rests = law.holds(index)
+            above, below = law.bounds(index)
+            passes = PASSES * max(below - above, 0.0) * width if index in jumps else 0.0
             ends = not (rests and (index or len(equations.resting)))  # there the range of the parameter does
             new = Region(True, index) if rests else Region(False, index if sign < 0.0 else index - 1)
             for value, radius in at(sign * (gap - level) / scale, False, centre, passes / scale):
@@ -152,7 +156,7 @@ def _extrema(
     ends = mesh.edges[[nodes.start // mesh.order, nodes.stop // mesh.order]]
     rooted = (
         region > 0 or equations.contact,
-        region < len(equations.regions) - 1 or bool(mesh.bounded and mesh.root[-1]),
+        region < len(equations.regions) - 1 or bool(mesh.bounded and mesh.root[-1] > 0),
     )
     share = float((np.hypot(ends[1], a) - np.hypot(ends[0], a)) / np.hypot(ends[1], a)) if rooted[1] else 1.0
     noise = (
