@@ -17,7 +17,7 @@ from contbranch.contact.units import finite_number
 from contbranch.control import LOAD, Control, Spring, as_control
 from contbranch.errors import InputError
 from contbranch.models.axisymmetric.model import Axisymmetric
-from contbranch.models.choice import axisymmetric, choose
+from contbranch.models.choice import choose
 from contbranch.models.exact.model import Exact
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Cost, Diagram, ModelChoice
@@ -71,7 +71,7 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
     model, why = choose(checked(contact))
     reduced = contact.to_reduced()
     truth = None
-    if axisymmetric(contact) is not None or model.name == Exact.name:
+    if contact.tip.is_axisymmetric:
         coarse = min(max(SHARE * accuracy, FINE), COARSE)
         for tolerance in (coarse, SHARE**2 * coarse):  # what coarse meshes cannot settle, finer ones may
             truth = trace(reduced, _kinds(held)[0], tolerance, modes=0, time_limit=PATIENCE)

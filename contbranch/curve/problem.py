@@ -305,10 +305,6 @@ class EquilibriumProblem(Problem):
         """Signed distances, positive as long as this representation holds; the curve is cut where one vanishes."""
         return {}
 
-    def otherwise(self, point: Point) -> tuple[Point, ...]:
-        """The same state as other models have it."""
-        return ()
-
     @property
     def kinked(self) -> bool:
         """Whether the stiffness of the interaction jumps somewhere."""

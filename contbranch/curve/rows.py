@@ -207,7 +207,7 @@ def _is_at_opening(opening: Found, fold: Found, accuracy: float) -> bool:
 
 
 def _located(track: Track, point: Point, event: Event | None, accuracy: float) -> Found:
-    """An event made precise, by another model of the same state where the present one does not get as far.
+    """An event made precise.
 
     One that finer discretisations find beyond an end of its problem is at that end, unless the curve begins there.
     """
@@ -217,10 +217,7 @@ def _located(track: Track, point: Point, event: Event | None, accuracy: float) -
     if not (low <= place <= high or begins) and equilibrium(point).refinable:
         edge = min(max(place, low), high)
         return refine(replace(found.point, parameter=edge, observables={}), None, accuracy)
-    if found.relative_error() <= accuracy or isinstance(event, Margin):
-        return found
-    others = (refine(other, event, accuracy) for other in equilibrium(point).otherwise(point))
-    return min([found, *others], key=Found.relative_error)
+    return found
 
 
 def _in_corner_of_touch(track: Track, mark: Mark, corner: Found, accuracy: float) -> Found:

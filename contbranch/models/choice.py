@@ -9,9 +9,8 @@ from contbranch.errors import InputError
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.models.exact.model import Exact
 from contbranch.models.grid import FreeSpace, Periodic
-from contbranch.models.rings import Rings
 
-__all__ = ["axisymmetric", "choose", "curves", "on_grid"]
+__all__ = ["choose", "curves", "on_grid"]
 
 Lattice = Periodic | FreeSpace
 NAMED: dict[str, type[Exact | Axisymmetric | Lattice]] = {
@@ -43,11 +42,6 @@ def choose(contact: Contact, model: str | Model | Lattice = "auto") -> tuple[Mod
         chosen = model
     told = getattr(chosen, "obstacle", None)
     obstacle = None if told is None else told(contact)
-    if obstacle is not None and chosen.name == Axisymmetric.name:
-        other = axisymmetric(contact)
-        if other is not None:
-            return other, "Asked for."
-        obstacle = Rings().obstacle(contact)
     if obstacle is not None:
         raise InputError(f"model: {chosen.name} does not represent this contact: {obstacle}")
     return chosen, "Asked for."
@@ -67,11 +61,6 @@ def on_grid(model: Model | Lattice) -> bool:
     return isinstance(model, Lattice)
 
 
-def axisymmetric(contact: Contact) -> Model | None:
-    """The axisymmetric model for a contact: of discs, or with free boundaries where the law's pressure jumps."""
-    return next((model for model in (Axisymmetric(), Rings()) if model.obstacle(contact) is None), None)
-
-
 def _smallest(contact: Contact) -> tuple[Model | Lattice, str]:
     """The smallest model that represents a contact."""
     if isinstance(contact.tip, HeightMap):
@@ -80,9 +69,7 @@ def _smallest(contact: Contact) -> tuple[Model | Lattice, str]:
         return FreeSpace(), "The tip has no axial symmetry: a grid, in free space."
     if Exact().obstacle(contact) is None:
         return Exact(), "A parabola with Maugis-Dugdale attraction is known in closed form."
-    chosen = axisymmetric(contact)
-    if chosen is None:
-        raise InputError(f"model: {Axisymmetric.name} does not represent this contact: {Rings().obstacle(contact)}")
-    if Axisymmetric().obstacle(contact) is None:
-        return chosen, "Tip and interaction are axisymmetric; elasticity is then local in the Abel transform."
-    return chosen, "Tip and interaction are axisymmetric; where the law's pressure jumps, the gap may rest."
+    obstacle = Axisymmetric().obstacle(contact)
+    if obstacle is not None:
+        raise InputError(f"model: {Axisymmetric.name} does not represent this contact: {obstacle}")
+    return Axisymmetric(), "Tip and interaction are axisymmetric; elasticity is then local in the Abel transform."

@@ -20,11 +20,11 @@ __all__ = [
     "gauss",
     "gauss_between",
     "half_order_rule",
-    "rooted_coefficients",
-    "rooted_values",
     "legendre_values",
     "panel_rule",
     "peak_pressure",
+    "rooted_coefficients",
+    "rooted_values",
     "start_edges",
 ]
 

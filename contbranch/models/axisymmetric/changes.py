@@ -257,7 +257,8 @@ def failed(points: Sequence[Point]) -> tuple[Point, int]:
 def begun(point: Point) -> Point:
     """The point as the start of a piece of curve, with the widths at which its regions vanish."""
     problem = problem_of(point)
-    return replace(point, problem=replace(problem, vanishing=vanishing_widths(*seen_layout(point), problem.narrow_ring)))
+    widths = vanishing_widths(*seen_layout(point), problem.narrow_ring)
+    return replace(point, problem=replace(problem, vanishing=widths))
 
 
 def vanishing_widths(layout: Layout, radii: Array, narrow_ring: float) -> tuple[float, ...]:
@@ -405,9 +406,10 @@ def on_level(point: Point, index: int, radius: float) -> Point:
     width = CLOSING * math.exp(-math.pi * steep / (2 * law.pressure(index - 1, index)))
     trials = [(Layout((rests, *around), False), np.array([share * radius])) for share in DISCS]
     holes = [(Layout((inside, rests, *around), False), np.array([share * radius, radius])) for share in HOLES]
-    if width < problem.narrow_ring:  # a jump, from the beginning
+    jumps = width < problem.narrow_ring  # from the beginning
+    if jumps:
         holes = [(Layout((inside, *around), False), np.array([radius]))]
-    trials = trials + holes if tip.apex_exponent > 1.0 else holes if width <= SHARPEST or width < problem.narrow_ring else []
+    trials = trials + holes if tip.apex_exponent > 1.0 else holes if width <= SHARPEST or jumps else []
     for layout, radii in trials:
         hold = outermost_held
         try:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from contbranch.contact.contact import Contact
-from contbranch.contact.interaction_law import terms_of
-from contbranch.contact.interactions import MaugisDugdale
 
 from .problem import ROW_SAFETY, ContactProblem, first_problem
 

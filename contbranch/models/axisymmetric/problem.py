@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import chain, islice, pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,10 +34,8 @@ from contbranch.curve.problem import (
     Rates,
     Search,
     Succession,
-    alike,
     equilibrium,
     oriented,
-    rates_of,
 )
 from contbranch.curve.refine import OPTIONS
 from contbranch.errors import ModelError
@@ -63,9 +59,6 @@ from .regions import least_margin, radii_of
 from .relaxation import Release
 from .search import search_from
 from .slope import load_per_displacement, rates_of_answer
-
-if TYPE_CHECKING:
-    from contbranch.models.rings.disc import Disc
 
 __all__ = ["ContactProblem", "first_problem"]
 
@@ -94,9 +87,6 @@ STATE_FLOOR = 0.3
 FAR = 0.03
 # Estimates of the rows' errors are those of one Newton step on a finer mesh.
 ROW_SAFETY = 3.0
-# Rows, from the last admissible one backwards, from which free boundaries take over until one succeeds; the first step
-# from there as a share of the last one.
-TRIES, HANDED = 4, 0.1
 # From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
 # there, unless the displacement all but stands still: its rate must be at least this share of its parts, which may
 # both stand still, and this share of the largest rate of h.
@@ -132,14 +122,9 @@ LOUD, LOUDER = 1e5, 1e3 * NOISE
 # Gaps at which a film's pressure is looked at; the gap of one that is pressed changes by less than this share of the
 # displacement.
 BARRIER, PRESSED = 400, 0.1
-# Radii and gaps of one state in both models of contact differ by no more than this share of the interaction's range.
-SAME = 1e-2
 # Radius of the disc on which a jump of the pressure begins, as a share of that at which the displacement first turns,
 # and the smallest one looked at as a share of the radius at which the undeformed tip has that gap.
 BORN, LEAST_DISC = 1e-2, 1e-9
-# Stiffness of a film times its extent below which elasticity all but does not answer: rings in it are left to the model
-# with free boundaries, whose displacement is counted from where the surfaces meet.
-WEAK = 3e-2
 # Where a curve starts at least, in units of the outermost gap at which the pressure jumps.
 BEYOND = 1.5
 # Relative error of load and displacement where a jump takes the place of a ring, in units of the square of the ring's
@@ -162,32 +147,6 @@ def _begun(resolution: Resolution, contact: Contact, edges: Array, touching: boo
     scale = 1.0 if law is None else min(term.range for term in law.terms)
     around, mesh = (Region(False, BandedLaw(law).outermost),), mesh_on(edges, resolution.order)
     return ContactProblem(Equations(tip, law, mesh, coordinate, touching, around), scale, resolution)
-
-
-def regained(resolution: Resolution, contact: Contact, disc: Disc) -> Point:
-    """The point of a state with one disc of contact, or none, that a model with free boundaries has found.
-
-    Raises
-    ------
-    CorrectionError, ModelError
-        If it is not found, or not admissible.
-    """
-    a = disc.radius
-    edges = np.append(0.0, np.sqrt((disc.radii - a) * (disc.radii + a)))
-    problem = _begun(resolution, contact, edges, a > 0.0)
-    mesh, u = problem.mesh, problem.parameter(problem.equations.coordinate.of(a, disc.central_gap))
-    x, u = problem._at_displacement(mesh.abel_of(disc.pressure(np.hypot(mesh.nodes, a))), u)
-    problem, x = problem.resolved(x, u, resolution.tolerance)
-    problem, x = problem.anchored(problem._fronted(x, u), x, u)
-    x, u = problem._at_displacement(x, u, disc.displacement)
-    point = oriented(problem, x, u, (np.zeros(x.size), 1.0))
-    found = problem.values(x, u)
-    apart = found.contact_radius - a, found.central_gap - disc.central_gap
-    if not max(map(abs, apart)) < SAME * problem.scale:
-        raise ModelError("another state was found with one disc of contact")
-    if not _margin(point) > -TOLERATED:
-        raise ModelError("the state is not admissible with one disc of contact")
-    return point if alike(found, rates_of(point), disc.along) else point.turned()
 
 
 @dataclass(eq=False, repr=False)
@@ -488,31 +447,6 @@ class ContactProblem(MeshedContact):
         if other.equations.contact:
             return other.touching(h), *other.graded(h)
         return (other.touching(other.solve_at(h, 0.0)),)
-
-    def _freed(self, points: Sequence[Point]) -> Succession:
-        """The curve with free boundaries, from the last row that is admissible."""
-        from contbranch.models.rings.handover import taken_over
-
-        failure, contact = ModelError("no admissible state was left"), self.resolution.contact
-        # A fold is left to one of the two.
-        right = [k for k, point in enumerate(points) if k and not point.label and _margin(point) > 0.0]
-        for k in reversed(right[-TRIES:]):
-            try:
-                start = taken_over(
-                    self.equations.tip,
-                    self.equations.interaction,
-                    self.resolution.accuracy,
-                    _disc(points[k]),
-                    self.work,
-                    partial(regained, self.resolution, contact) if contact else None,
-                )
-            except ModelError as error:
-                failure = error
-                continue
-            here, before = points[k].observables, points[k - 1].observables
-            moved = math.hypot(*(here[name] - before[name] for name in ("contact_radius", "displacement")))
-            return Succession("", points[k], (start,), dropped=len(points) - k, step=HANDED * max(moved, 1e-4))
-        raise failure
 
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it.
@@ -850,30 +784,3 @@ def _graded(edges: Array, length: float) -> Array:
     """Edges of panels with further ones inside, down to a length."""
     count = max(1, math.ceil(math.log(edges[1] / length) / math.log(4)))
     return np.concatenate([[0.0], edges[1] * 4.0 ** np.arange(-count, 0), edges[1:]])
-
-
-def _margin(point: Point) -> float:
-    """How far a disc is from being wrong, without tolerance."""
-    margin = equilibrium(point).margins(point.x, point.parameter)["inadmissible"]
-    return margin - (TOLERATED if point.observables["contact_radius"] > 0.0 else 0.0)
-
-
-def _disc(point: Point) -> Disc:
-    """What a model with free boundaries needs of a state."""
-    from contbranch.models.rings.disc import Disc
-
-    problem = point.problem
-    if not isinstance(problem, ContactProblem):
-        raise TypeError(f"{type(problem).__name__} is not a ContactProblem")
-    equations, fields = problem.seen(point.x, point.parameter)
-    a, mesh = fields.rim.radius, equations.mesh
-
-    def pressure(r: Array) -> Array:
-        found = mesh.interpolate(fields.pressure, np.sqrt(np.maximum(r * r - a * a, 0.0)))
-        inside = r < a
-        if inside.any():
-            found[inside] = equations.inner_pressure(fields, r[inside])
-        return found
-
-    displacement, radii = equations.displacement(fields), np.hypot(mesh.edges[1:], a)
-    return Disc(a, point.observables["central_gap"], displacement, radii, pressure, rates_of(point))

@@ -16,6 +16,7 @@ from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
 from contbranch.grid_size import nearest_fast
+from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.watch import kept, over, patient
 
 from .lattice import Kind
@@ -108,18 +109,13 @@ def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[f
             radii = [state.contact_radius for state in states if state.contact_radius > 0.0]
             return max(state.displacement for state in states), min(radii, default=0.0)
         return max(value, 1.0), 0.0
-    from contbranch.models.choice import axisymmetric
-
-    model = axisymmetric(likeness)
-    if model is not None:
-        request = Request(COARSE_CURVE, target=value, events=False, modes=0)
-        try:
-            with patient(PATIENCE):
-                curve = FollowedCurves(likeness, model).trace(request)
-            return float(curve.branch.displacement.max(initial=1.0)), 0.0
-        except ModelError:
-            pass
-    return 10.0, 0.0
+    request = Request(COARSE_CURVE, target=value, events=False, modes=0)
+    try:
+        with patient(PATIENCE):
+            curve = FollowedCurves(likeness, Axisymmetric()).trace(request)
+        return float(curve.branch.displacement.max(initial=1.0)), 0.0
+    except ModelError:
+        return 10.0, 0.0
 
 
 def border_message(setup: Setup, gap: Array, load: float, asked: tuple[str | None, float | None]) -> str:

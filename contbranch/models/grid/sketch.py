@@ -18,6 +18,7 @@ from contbranch.contact.tips import Parabola
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.trace import Request
 from contbranch.errors import InputError, ModelError
+from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.results.diagram import State
 
 from .lattice import Lattice
@@ -41,13 +42,8 @@ def relatives(contact: Contact, field: str, value: float) -> tuple[list[State], 
     if isinstance(contact.tip, HeightMap):
         return [], False
     likeness = contact if own else replace(contact, tip=Parabola(1.0))
-    from contbranch.models.choice import axisymmetric
-
-    model = axisymmetric(likeness)
-    if model is None:
-        return [], own
     try:
-        return list(FollowedCurves(likeness, model).solve(Request(1e-5), field, value).states), own
+        return list(FollowedCurves(likeness, Axisymmetric()).solve(Request(1e-5), field, value).states), own
     except (InputError, ModelError):
         return [], own
 
