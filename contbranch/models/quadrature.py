@@ -7,6 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from contbranch.arrays import Array
 
@@ -24,6 +25,8 @@ __all__ = [
     "panel_rule",
     "peak_pressure",
     "rooted_coefficients",
+    "rooted_derivative",
+    "rooted_rule",
     "rooted_values",
     "start_edges",
 ]
@@ -88,8 +91,8 @@ def chebyshev_values(count: int, x: Array, factors: Array | float = 1.0) -> Arra
 def rooted_values(order: int, power: int, s: Array, factors: Array | float = 1.0) -> Array:
     """Polynomials in s and what ``s^power log s`` has besides these, times factors; shape (order, *s.shape).
 
-    Next to an edge, from which distances are s², the pressure goes like s, h like s² log s, and h times their rate like
-    s³ log s.
+    Next to an edge, from which distances are s², the pressure goes like s, h like s² log s, h times their rate like
+    s³ log s, and the slope of h times their rate like s log s.
     """
     values = chebyshev_values(order, 2 * s - 1, factors)
     known, scale = _smooth_part(order, power)
@@ -109,8 +112,28 @@ def _smooth_part(order: int, power: int) -> tuple[Array, float]:
 
 @cache
 def rooted_coefficients(order: int, power: int) -> Array:
-    """Values at the nodes of a panel that begins at such an edge -> coefficients; (order, order)."""
-    return np.asarray(np.linalg.inv(rooted_values(order, power, (1 + panel_rule(order).nodes) / 2).T), dtype=np.float64)
+    """Values at the nodes of a panel that begins at an edge -> coefficients of `rooted_values`; (order, order)."""
+    values = rooted_values(order, power, (1 + panel_rule(order).nodes) / 2)
+    return np.asarray(np.linalg.inv(values.T), dtype=np.float64)
+
+
+@cache
+def rooted_rule(order: int, power: int, count: int) -> Array:
+    """Values at the nodes of a panel that begins at an edge -> those at the nodes of another order; (count, order)."""
+    return np.asarray(
+        rooted_values(order, power, (1 + gauss(count)[0]) / 2).T @ rooted_coefficients(order, power), dtype=np.float64
+    )
+
+
+@cache
+def rooted_derivative(order: int) -> Array:
+    """Values of h at the nodes of a panel that begins at an edge -> its derivative by z; (order, order)."""
+    s = (1 + panel_rule(order).nodes) / 2
+    known, scale = _smooth_part(order, 2)
+    slopes = np.zeros((order, order))
+    slopes[:-1] = chebyshev.chebval(2 * s - 1, chebyshev.chebder(np.eye(order - 1)))
+    slopes[-1] = ((2 * np.log(s) + 1) * s / 2 - known @ slopes[:-1]) / scale
+    return np.asarray(slopes.T @ rooted_coefficients(order, 2), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -123,7 +146,6 @@ class HalfOrderRule:
 
     nodes: Array  # (m,): Gauss nodes, more of them than a panel has
     values: Array  # (m, n): a panel's nodal values -> values at the nodes
-    rooted: Array  # (m, n): the same of h times the rate of distances on a panel that begins at an edge
     own: Array  # (3, n, m): weights where x is a node of the panel; without a root, with one at t = 1, at t = −1
     projection: Array  # (m, m): values at the nodes -> Legendre coefficients, divided by k + 1/2
 
@@ -160,8 +182,7 @@ def half_order_rule(order: int, factor: int) -> HalfOrderRule:
         values = legendre_values(count, sign * (2 * own_s[:, None] * function(y) - 1))
         moments = (values * scale).sum(axis=2).T * (np.arange(count) + 0.5)
         own.append(np.sqrt(2) * moments @ projection)
-    rooted = rooted_values(order, 3, (1 + nodes) / 2).T @ rooted_coefficients(order, 3)
-    return HalfOrderRule(nodes, rule.lagrange(nodes), rooted, np.array(own), projection)
+    return HalfOrderRule(nodes, rule.lagrange(nodes), np.array(own), projection)
 
 
 @cache

@@ -23,6 +23,8 @@ from contbranch.models.quadrature import (
     half_order_rule,
     panel_rule,
     rooted_coefficients,
+    rooted_derivative,
+    rooted_rule,
     rooted_values,
 )
 from contbranch.watch import check
@@ -40,6 +42,8 @@ SMOOTH = 3.0
 LONG = 16
 # Further Gauss nodes for the smooth factor of a kernel, and for x log x next to an edge, as a multiple of a panel's.
 SMOOTH_FACTOR, LOGARITHM = 12, 3
+# Powers of `rooted_values` for h and for its slope, times the rate of distances.
+OF_VALUES, OF_SLOPES = 3, 1
 # Meshes that are kept.
 MESHES = 16
 # How `Mesh.finer` is refined; with these, errors of the coarser mesh are measured to about a tenth of themselves.
@@ -123,15 +127,17 @@ class Mesh:
         """The mesh with all lengths multiplied by a factor: `plane` stays as it is, and `abel` grows with them."""
         mesh = copy.copy(self)
         mesh.forget()
-        mesh.__dict__.pop("plane_to_targets", None)
+        for name in ("plane_to_targets", "slopes_to_targets"):
+            mesh.__dict__.pop(name, None)
         mesh.source = self, factor
         for name in ("edges", "end", "half", "nodes", "weights", "innermost", "scale", "stretch"):
             setattr(mesh, name, factor * getattr(self, name))
         return mesh
 
     @cached_property
-    def _kernels(self) -> tuple[Array, Array]:
-        """`plane`, and `abel` before the mesh was stretched; many a mesh only has nodes to interpolate at."""
+    def _kernels(self) -> tuple[Array, Array, Array]:
+        """`plane`, for slopes, and `abel` before the mesh was stretched; many a mesh only has nodes to interpolate
+        at."""
         return self.source[0]._kernels if self.source else self._matrices()
 
     @property
@@ -147,15 +153,15 @@ class Mesh:
     @property
     def abel(self) -> Array:
         """The second one in full, which states of a moving mesh do without."""
-        return self.stretch * self._kernels[1]
+        return self.stretch * self._kernels[2]
 
     def abel_of(self, pressure: Array) -> Array:
         """``abel @ pressure``, (N,)."""
-        return self.stretch * (self._kernels[1] @ pressure)
+        return self.stretch * (self._kernels[2] @ pressure)
 
     def abel_with(self, weights: Array) -> Array:
         """``abel * weights``, (N, N)."""
-        return self._kernels[1] * (self.stretch * weights)
+        return self._kernels[2] * (self.stretch * weights)
 
     def abel_drift(self, pressure: Array, edges: Array, nodes: Array) -> Array:
         """Rates of ``abel @ pressure`` where edges and nodes move at rates linear on every panel; (m, P + 1) and
@@ -243,7 +249,7 @@ class Mesh:
         values = chebyshev_values(self.order, local, factors)
         return np.asarray(np.add.reduce(values, axis=2).T)  # whose last digits do not depend on the other rows
 
-    def _matrices(self) -> tuple[Array, Array]:
+    def _matrices(self) -> tuple[Array, Array, Array]:
         """Both Abel integrals: the kernels at the nodes, and blocks for panels close to each other."""
         n, squares = self.order, self.nodes**2
         plane, kernel = np.zeros((2, self.size, self.size))  # the latter transposed
@@ -259,12 +265,17 @@ class Mesh:
         shape = self.panels, n, self.panels, n
         target, source = np.nonzero(below)
         plane.reshape(shape)[target, :, source, :] = self._near(target, source, False)
+        slopes = plane
+        if self.roots:
+            own = self.root[source] != 0
+            slopes, target, source = plane.copy(), target[own], source[own]
+            slopes.reshape(shape)[target, :, source, :] = self._near(target, source, False, OF_SLOPES)
         target, source = np.nonzero(above)
         kernel.reshape(shape)[source, :, target, :] = self._near(target, source, True).transpose(0, 2, 1)
-        return plane, kernel.T
+        return plane, slopes, kernel.T
 
-    def _near(self, target: Indices, source: Indices, upwards: bool) -> Array:
-        """The blocks of either integral for pairs of panels, (pairs, order, order)."""
+    def _near(self, target: Indices, source: Indices, upwards: bool, power: int = OF_VALUES) -> Array:
+        """The blocks of either integral for pairs of panels, (pairs, order, order); `power`: see `rooted_values`."""
         n, blocks = self.order, np.empty((len(target), self.order, self.order))
         root, own = (-1 if upwards else 1) * self.root[source], target == source
         smooth = self.edges[source] + self.half[source] + self.edges[target] >= SMOOTH * self.half[source]
@@ -272,16 +283,16 @@ class Mesh:
         for same in (True, False):
             for rooted in (True, False) if self.roots else (False,):
                 if (pick := np.flatnonzero(smooth & ~across & (own == same) & ((root != 0) == rooted))).size:
-                    blocks[pick] = self._smooth(target[pick], source[pick], upwards, same)
+                    blocks[pick] = self._smooth(target[pick], source[pick], upwards, same, power)
         if (pick := np.flatnonzero(~smooth)).size:
             nodes, panel = self.nodes.reshape(-1, n)[target[pick]].ravel(), np.repeat(source[pick], n)
             rows = self._up(nodes, panel) if upwards else self._down(nodes, panel)
             blocks[pick] = rows.reshape(-1, n, n) @ self.rule.to_chebyshev
         if (pick := np.flatnonzero(across)).size:
-            blocks[pick] = self._across(target[pick], source[pick], upwards)
+            blocks[pick] = self._across(target[pick], source[pick], upwards, power)
         return blocks * self.stretching[source, None] if self.roots else blocks
 
-    def _smooth(self, target: Indices, source: Indices, upwards: bool, own: bool) -> Array:
+    def _smooth(self, target: Indices, source: Indices, upwards: bool, own: bool, power: int) -> Array:
         """The same where 1/√|rho² − tau²| is 1/√|z_rho − z_tau|, whose moments are known in full, times what is smooth.
 
         Upwards all is seen in a mirror. On panels with a root the differences of squares of the distances from it,
@@ -305,11 +316,12 @@ class Mesh:
                 smooth[rooted] *= np.sqrt(2 / (3 + away[rooted, :, None] + rule.nodes))
             weights = rule.beyond(away)
         if bends:
-            values = np.where(root[:, None, None] < 0, rule.rooted, rule.rooted[::-1, ::-1])
-            return np.asarray(np.matmul(weights * smooth, values))
+            values = rooted_rule(self.order, power, len(rule.nodes))
+            both = np.where(root[:, None, None] < 0, values, values[::-1, ::-1])
+            return np.asarray(np.matmul(weights * smooth, both))
         return np.asarray((weights * smooth) @ (rule.values[:, ::-1] if upwards else rule.values))
 
-    def _across(self, target: Indices, source: Indices, upwards: bool) -> Array:
+    def _across(self, target: Indices, source: Indices, upwards: bool, power: int) -> Array:
         """The same for targets beyond the root of a panel: s = √(distance / length) sinh(y) removes the weight."""
         sign, half = -1 if upwards else 1, self.half[source][:, None, None]
         width = np.sqrt(self._beyond(target, source, upwards) / (2 * half[:, 0]))
@@ -322,9 +334,9 @@ class Mesh:
         if upwards:
             rows = self._projected((2 * s - 1).reshape(shape), weights.reshape(shape))
             return np.asarray(rows.reshape(-1, self.order, self.order) @ self.rule.to_chebyshev)
-        values = rooted_values(self.order, 3, s.reshape(shape), weights.reshape(shape))
+        values = rooted_values(self.order, power, s.reshape(shape), weights.reshape(shape))
         rows = np.add.reduce(values, axis=2).T.reshape(-1, self.order, self.order)
-        return np.asarray((rows @ rooted_coefficients(self.order, 3))[:, :, ::-1])
+        return np.asarray((rows @ rooted_coefficients(self.order, power))[:, :, ::-1])
 
     def _beyond(self, target: Indices, source: Indices, upwards: bool) -> Array:
         """Distances of the nodes of panels from the nearer ends of others, (pairs, n); to all their digits."""
@@ -353,23 +365,31 @@ class Mesh:
     def plane_to_targets(self) -> Array:
         """`plane`, and the same at the root edges, where polynomials of the gap, which goes like x log x, say little;
         (N + R, N)."""
-        if self.source is not None:
-            return self.source[0].plane_to_targets
+        return self.source[0].plane_to_targets if self.source else self._to_targets(0)
+
+    @cached_property
+    def slopes_to_targets(self) -> Array:
+        """The same for slopes of what goes like x log x next to the roots, (N + R, N)."""
+        return self.source[0].slopes_to_targets if self.source else self._to_targets(1)
+
+    def _to_targets(self, which: int) -> Array:
+        """A kernel, with rows of the root edges."""
         if not self.roots:
             return self.plane
         rule, n, rows = self.rule, self.order, np.zeros((len(self.roots), self.size))
         nodes, weights = gauss(2 * n + LONG)
-        values = rule.lagrange(nodes)
-        bent = (rooted_values(n, 2, (1 - nodes) / 2).T @ rooted_coefficients(n, 2))[:, ::-1]
+        values, bent = rule.lagrange(nodes), rooted_rule(n, 2, len(nodes))[::-1, ::-1]
         for row, root in zip(rows, self.roots, strict=True):
             for k in range(root):
-                kind = self.root[k]
-                share = _shares((1 - nodes) / 2, -kind)  # of the way from the outer end
+                kind, direct = self.root[k], which == 1 and k == root - 1
+                z, w = (rule.nodes, rule.weights) if direct else (nodes, weights)
+                share = _shares((1 - z) / 2, -kind)  # of the way from the outer end
                 away = self.edges[root] - self.edges[k + 1] + 2 * self.half[k] * share
-                factor = weights * self.half[k] * _stretching((1 + nodes) / 2, kind)
+                factor = w * self.half[k] * _stretching((1 + z) / 2, kind)
                 factor *= (2 / np.pi) / np.sqrt(away * (2 * self.edges[root] - away))
-                row[k * n : (k + 1) * n] = factor @ (bent[::kind, ::kind] if kind else values)
-        return np.vstack([self.plane, rows])
+                own = bent[::kind, ::kind] if kind and which == 0 else values
+                row[k * n : (k + 1) * n] = factor if direct else factor @ own
+        return np.vstack([self._kernels[which], rows])
 
     # -- fields on the mesh -------------------------------------------------------------------------------------------
     def interpolate(self, values: Array, points: Array) -> Array:
@@ -384,6 +404,15 @@ class Mesh:
     def derivative(self, values: Array) -> Array:
         """Derivative with respect to tau, at the nodes, of the panel polynomials through nodal values; (N,)."""
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
+        return (slopes / self.scale).ravel()
+
+    def slope(self, values: Array) -> Array:
+        """The same of h, which goes like x log x next to a root, (N,)."""
+        slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
+        if self.roots:
+            matrix = rooted_derivative(self.order)
+            for sign, own in ((-1, matrix), (1, -matrix[::-1, ::-1])):
+                slopes[self.root == sign] = values.reshape(self.panels, self.order)[self.root == sign] @ own.T
         return (slopes / self.scale).ravel()
 
     def derivative_dual(self, values: Array) -> Array:

@@ -79,8 +79,8 @@ class Rim:
         mesh, a, n = self.mesh, self.radius, self.mesh.order
         f = np.concatenate([mesh.rule.project_even @ f[:n], f[n:]])
         weighted, relative, turned = self.factor * f, nodes / mesh.targets, a * a / np.hypot(a, mesh.nodes) ** 3 * f
-        plane, nodes = mesh.plane_to_targets, nodes[:, : mesh.size]
-        slope = mesh.derivative(weighted)
+        plane, nodes = mesh.slopes_to_targets, nodes[:, : mesh.size]
+        slope = mesh.slope(weighted)
         slope[:n] = turned[:n] + self.factor[:n] * mesh.derivative(f)[:n]
         rate = relative * (plane @ (mesh.nodes * slope)) + (nodes * (turned - slope)) @ plane.T
         return rate + mesh.passing((2 / np.pi) * mesh.jumps(weighted), edges, relative, False)
