@@ -527,12 +527,8 @@ def margin_of(point: Point) -> float:
 
 def becomes_right(point: Point, step: float) -> bool:
     """Whether the inequalities of contact come to hold along the curve, or hold by more, within a step."""
-    problem = equilibrium(point)
-    behind, ahead = (
-        problem.margin(point.x + s * point.tangent_x, point.parameter + s * point.tangent_parameter, "breach")
-        for s in (-step, step)
-    )
-    return ahead >= behind
+    x, p = point.x + step * point.tangent_x, point.parameter + step * point.tangent_parameter
+    return equilibrium(point).margin(x, p, "breach") >= margin_of(point)
 
 
 def failing(point: Point) -> Breach:

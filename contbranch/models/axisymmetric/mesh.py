@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from contbranch.arrays import Array, Indices
+from contbranch.arrays import Array, Flags, Indices
 from contbranch.models.quadrature import (
     chebyshev_values,
     gauss,
@@ -41,7 +41,7 @@ SMOOTH = 3.0
 # Gauss nodes, besides twice a panel's, where a substitution leaves a long range.
 LONG = 16
 # Further Gauss nodes for the smooth factor of a kernel, and for x log x next to an edge, as a multiple of a panel's.
-SMOOTH_FACTOR, LOGARITHM = 12, 3
+SMOOTH_FACTOR, LOGARITHM = 12, 2
 # Powers of `rooted_values` for h and for its slope, times the rate of distances.
 OF_VALUES, OF_SLOPES = 3, 1
 # Meshes that are kept.
@@ -135,9 +135,8 @@ class Mesh:
         return mesh
 
     @cached_property
-    def _kernels(self) -> tuple[Array, Array, Array]:
-        """`plane`, for slopes, and `abel` before the mesh was stretched; many a mesh only has nodes to interpolate
-        at."""
+    def _kernels(self) -> tuple[Array, Array]:
+        """`plane`, and `abel` before the mesh was stretched; many a mesh only has nodes to interpolate at."""
         return self.source[0]._kernels if self.source else self._matrices()
 
     @property
@@ -153,15 +152,15 @@ class Mesh:
     @property
     def abel(self) -> Array:
         """The second one in full, which states of a moving mesh do without."""
-        return self.stretch * self._kernels[2]
+        return self.stretch * self._kernels[1]
 
     def abel_of(self, pressure: Array) -> Array:
         """``abel @ pressure``, (N,)."""
-        return self.stretch * (self._kernels[2] @ pressure)
+        return self.stretch * (self._kernels[1] @ pressure)
 
     def abel_with(self, weights: Array) -> Array:
         """``abel * weights``, (N, N)."""
-        return self._kernels[2] * (self.stretch * weights)
+        return self._kernels[1] * (self.stretch * weights)
 
     def abel_drift(self, pressure: Array, edges: Array, nodes: Array) -> Array:
         """Rates of ``abel @ pressure`` where edges and nodes move at rates linear on every panel; (m, P + 1) and
@@ -249,7 +248,7 @@ class Mesh:
         values = chebyshev_values(self.order, local, factors)
         return np.asarray(np.add.reduce(values, axis=2).T)  # whose last digits do not depend on the other rows
 
-    def _matrices(self) -> tuple[Array, Array, Array]:
+    def _matrices(self) -> tuple[Array, Array]:
         """Both Abel integrals: the kernels at the nodes, and blocks for panels close to each other."""
         n, squares = self.order, self.nodes**2
         plane, kernel = np.zeros((2, self.size, self.size))  # the latter transposed
@@ -259,20 +258,19 @@ class Mesh:
             np.divide(1.0, np.sqrt(own, out=own), out=own)
             np.multiply(own, down[:k], out=plane[rows, :k])
             np.multiply(own, up[rows, None], out=kernel[rows, :k])
-        left, right = self.edges[:-1], self.edges[1:]
-        near = np.where(self.root == 0, NEAR, NEAR_ROOT) * (right - left)
-        below, above = np.tril(left[:, None] - right < near), np.triu(left - right[:, None] < near)
-        shape = self.panels, n, self.panels, n
-        target, source = np.nonzero(below)
+        shape, close = (self.panels, n, self.panels, n), self._close
+        target, source = np.nonzero(np.tril(close))
         plane.reshape(shape)[target, :, source, :] = self._near(target, source, False)
-        slopes = plane
-        if self.roots:
-            own = self.root[source] != 0
-            slopes, target, source = plane.copy(), target[own], source[own]
-            slopes.reshape(shape)[target, :, source, :] = self._near(target, source, False, OF_SLOPES)
-        target, source = np.nonzero(above)
+        target, source = np.nonzero(np.triu(close))
         kernel.reshape(shape)[source, :, target, :] = self._near(target, source, True).transpose(0, 2, 1)
-        return plane, slopes, kernel.T
+        return plane, kernel.T
+
+    @property
+    def _close(self) -> Flags:
+        """Whether panels (rows) are close to others (columns), on which the kernel is not smooth then, (P, P)."""
+        apart = self.edges[:-1, None] - self.edges[1:]
+        near = np.where(self.root == 0, NEAR, NEAR_ROOT) * np.diff(self.edges)
+        return np.maximum(apart, apart.T) < near
 
     def _near(self, target: Indices, source: Indices, upwards: bool, power: int = OF_VALUES) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order); `power`: see `rooted_values`."""
@@ -365,31 +363,36 @@ class Mesh:
     def plane_to_targets(self) -> Array:
         """`plane`, and the same at the root edges, where polynomials of the gap, which goes like x log x, say little;
         (N + R, N)."""
-        return self.source[0].plane_to_targets if self.source else self._to_targets(0)
+        return self.source[0].plane_to_targets if self.source else self._to_targets(False)
 
     @cached_property
     def slopes_to_targets(self) -> Array:
         """The same for slopes of what goes like x log x next to the roots, (N + R, N)."""
-        return self.source[0].slopes_to_targets if self.source else self._to_targets(1)
+        return self.source[0].slopes_to_targets if self.source else self._to_targets(True)
 
-    def _to_targets(self, which: int) -> Array:
-        """A kernel, with rows of the root edges."""
+    def _to_targets(self, slopes: bool) -> Array:
+        """The first integral with rows of the root edges."""
         if not self.roots:
             return self.plane
+        kernel = self.plane
+        if slopes:
+            target, source = np.nonzero(np.tril(self._close) & (self.root != 0))
+            kernel, shape = kernel.copy(), (self.panels, self.order, self.panels, self.order)
+            kernel.reshape(shape)[target, :, source, :] = self._near(target, source, False, OF_SLOPES)
         rule, n, rows = self.rule, self.order, np.zeros((len(self.roots), self.size))
         nodes, weights = gauss(2 * n + LONG)
         values, bent = rule.lagrange(nodes), rooted_rule(n, 2, len(nodes))[::-1, ::-1]
         for row, root in zip(rows, self.roots, strict=True):
             for k in range(root):
-                kind, direct = self.root[k], which == 1 and k == root - 1
+                kind, direct = self.root[k], slopes and k == root - 1
                 z, w = (rule.nodes, rule.weights) if direct else (nodes, weights)
                 share = _shares((1 - z) / 2, -kind)  # of the way from the outer end
                 away = self.edges[root] - self.edges[k + 1] + 2 * self.half[k] * share
                 factor = w * self.half[k] * _stretching((1 + z) / 2, kind)
                 factor *= (2 / np.pi) / np.sqrt(away * (2 * self.edges[root] - away))
-                own = bent[::kind, ::kind] if kind and which == 0 else values
+                own = bent[::kind, ::kind] if kind and not slopes else values
                 row[k * n : (k + 1) * n] = factor if direct else factor @ own
-        return np.vstack([self._kernels[which], rows])
+        return np.vstack([kernel, rows])
 
     # -- fields on the mesh -------------------------------------------------------------------------------------------
     def interpolate(self, values: Array, points: Array) -> Array:

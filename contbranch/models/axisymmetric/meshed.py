@@ -425,9 +425,11 @@ class MeshedContact(MovingContact):
 
     def _mesh(self, edges: Array, front: Front | Edge | None, bounded: bool) -> Mesh:
         """The mesh of these edges, with roots where what moves with it has them."""
-        places = [] if front is None else [one.place for one in (front, *front.creases) if one.root]
-        roots = sorted(int(np.abs(edges - place).argmin()) for place in places)
-        return mesh_on(edges, self.resolution.order, bounded, tuple(roots))
+        places = np.array([] if front is None else sorted(one.place for one in (front, *front.creases) if one.root))
+        roots = np.abs(edges[:, None] - places).argmin(axis=0)
+        edges = edges.copy()
+        edges[roots] = places  # from which rounding has taken them
+        return mesh_on(edges, self.resolution.order, bounded, tuple(roots.tolist()))
 
     def on_mesh(self, mesh: Mesh, sharpness: float | None = None) -> Self:
         """The problem on another mesh, with the front where it is."""
