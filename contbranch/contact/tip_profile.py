@@ -26,6 +26,7 @@ _MOST_ROWS = 1000  # the fit solves a dense system of that order
 _BEND = 4.0
 _QUARTER = 0.5 * math.pi
 _DEGREE = 18  # of a polynomial for a power series that converges up to 1, on half of that
+_MIDDLE = 1e-8  # the middle of a contact, in units of its radius
 _FAR = 3.0  # beyond this multiple of the table's last radius
 
 
@@ -223,6 +224,24 @@ class Profile(Tip):
     def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return the integral of the spline or its square."""
         return _at(self._integrals[power - 1], a)
+
+    def contact_pressure(self, r: ArrayLike, a: float) -> Array:
+        """Return the pressure in a contact of radius `a` without interaction, piece by piece in closed form."""
+        r = np.asarray(r, dtype=float)
+        if self.apex == "sharp":
+            known = np.where(r > 0.0, r, a)
+        else:
+            known = np.maximum(r, _MIDDLE * a)
+        knots = self._spline.x[:-1]
+        cubic, square, linear = 3.0 * self._spline.c[0], 2.0 * self._spline.c[1], self._spline.c[2]
+        ends = np.append(knots, np.inf)
+        t = np.clip(ends, known[..., None], a)
+        root = np.sqrt((t - known[..., None]) * (t + known[..., None]))
+        angle = np.arcsinh(root / known[..., None])
+        parts = angle, root, 0.5 * (t * root + known[..., None] ** 2 * angle)
+        slopes = linear - square * knots + cubic * knots**2, square - 2.0 * cubic * knots, cubic
+        found = sum(np.diff(part) @ slope for part, slope in zip(parts, slopes, strict=True))
+        return np.where((r == 0.0) & (self.apex == "sharp"), math.inf, found / math.pi)
 
     def shape_gap(self, rho: ArrayLike, a: float) -> tuple[Array, Array]:
         """Return g = (2/π) ∫_a^r (ζ(t) - ζ(a))/√(r²-t²) dt and its derivative with respect to `a` at fixed ρ."""

@@ -19,6 +19,8 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 
 _ORDER = 24  # Gauss-Legendre nodes for the gap: the worst analytic integrand (a = rho) loses a factor 10 with each node
+_PEAK = 32  # of the pressure in the middle
+_ROUND = 4.0  # apex exponent from which on polynomials tell ζ'/t next to the apex
 
 
 @cache
@@ -171,6 +173,37 @@ class Tip(TipShape):
         x, w = gauss_rule()
         end = np.asarray(a, dtype=float)
         return end * (self.transform(end[..., None] * x) ** power @ w)
+
+    def contact_pressure(self, r: ArrayLike, a: float) -> Array:
+        """Return the pressure in a contact of radius `a` without interaction, for a unit plane-strain modulus.
+
+        Parameters
+        ----------
+        r
+            Radii from 0 to `a`, any shape; at 0 the pressure is infinite where the apex is sharp.
+
+        Returns
+        -------
+        pressure
+            p = (1/π) ∫_r^a ζ'(t)/√(t² - r²) dt, of the shape of `r`.
+        """
+        r = np.asarray(r, dtype=float)
+        own, reach = r[..., None], np.sqrt(np.maximum((a - r) * (a + r), 0.0))
+        x, w = gauss_rule()
+        if self.apex_exponent < _ROUND:  # t = r cosh y
+            y = np.arcsinh(reach / np.where(r > 0.0, r, 1.0))
+            found = y * (self.transform_derivative(own * np.cosh(y[..., None] * x)) @ w)
+        else:
+            t = np.hypot(own, reach[..., None] * x)
+            found = reach * ((self.transform_derivative(t) / t) @ w)
+        if not (r > 0.0).all():
+            middle = math.inf
+            if self.apex_exponent > 1.0:  # t = a u^m, since ζ'/t is no polynomial
+                u, weights = gauss_rule(_PEAK)
+                power = 4.0 / (self.apex_exponent - 1.0)
+                middle = power * float(weights @ (self.transform_derivative(a * u**power) / u))
+            found = np.where(r > 0.0, found, middle)
+        return np.asarray(found / math.pi)
 
     def contact_radius(self, y: ArrayLike) -> Array:
         """Return a ≥ 0 with ζ(a) = y ≥ 0."""

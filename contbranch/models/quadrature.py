@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from contbranch.arrays import Array
-
-if TYPE_CHECKING:
-    from contbranch.contact.tip_shape import Tip
 
 __all__ = [
     "HalfOrderRule",
@@ -23,7 +19,6 @@ __all__ = [
     "half_order_rule",
     "legendre_values",
     "panel_rule",
-    "peak_pressure",
     "rooted_coefficients",
     "rooted_derivative",
     "rooted_rule",
@@ -31,9 +26,7 @@ __all__ = [
     "start_edges",
 ]
 
-# Nodes of an integral over a tip, and nodes of an integral for the smooth factor besides a panel's polynomial.
-PEAK = 32
-# ... and of one for a panel's own root per polynomial: the substitution makes them exponentials.
+# Nodes of an integral for a panel's own root per polynomial: the substitution makes them exponentials.
 OWN_ROOT = 3
 
 
@@ -233,10 +226,3 @@ def panel_rule(order: int) -> PanelRule:
         derivative,
         np.asarray((-1.0) ** np.arange(order) * np.sqrt((1 - nodes**2) * weights), dtype=np.float64),
     )
-
-
-def peak_pressure(tip: Tip, radius: float) -> float:
-    """p(0) = (1/π) ∫ ζ'(t)/t dt on a disc at rest, which no polynomial tells under a sharp or flat apex; t = c u^m."""
-    nodes, weights = gauss(PEAK)
-    u, power = (1 + nodes) / 2, 4 / (tip.apex_exponent - 1)
-    return float(weights @ (tip.transform_derivative(radius * u**power) / u)) * power / (2 * np.pi)

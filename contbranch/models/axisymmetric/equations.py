@@ -30,7 +30,7 @@ from contbranch.arrays import Array, Flags, magnitude
 from contbranch.contact.interactions import Interaction
 from contbranch.contact.tips import Tip
 from contbranch.contact.validity import energy_pole
-from contbranch.models.quadrature import chebyshev_values, gauss, peak_pressure
+from contbranch.models.quadrature import chebyshev_values, gauss
 
 from .law import BandedLaw
 from .layout import Region
@@ -59,8 +59,6 @@ RECENT = 6
 RIPPLE, BETWEEN, ZOOMS = 1e-9, 17, 5
 # Places on the innermost panel among which it is looked for around flat tips, and the first one's share of its length.
 CLOSE, CLOSEST = 60, 1e-4
-# Apex exponent from which on polynomials tell ζ'/t next to the apex.
-ROUND = 4.0
 # Radii, in units of the contact's, at which the wall pressure is checked.
 PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 
@@ -617,24 +615,13 @@ class Equations:
 
     # -- pressures inside the contact, admissibility ------------------------------------------------------------------
     def inner_pressure(self, fields: Fields, r: Array) -> Array:
-        """Total pressure at radii r < a, (M,):  π p(r) = ∫_r^a ζ'(t)/√(t² − r²) dt − ∫_a^∞ h'(t)/√(t² − r²) dt."""
-        distance = np.maximum(fields.rim.radius**2 - r * r, 0.0)
-        nodes, weights = gauss(24)
-        reach, own = np.sqrt(distance), r[:, None]
-        if self.tip.apex_exponent < ROUND:  # t = r cosh y: no polynomial tells ζ'/t next to the apex
-            y = np.arcsinh(reach / r)
-            inside = y / 2 * (self.tip.transform_derivative(own * np.cosh(y[:, None] * (nodes + 1) / 2)) @ weights)
-        else:
-            t = np.hypot(own, reach[:, None] * (nodes + 1) / 2)
-            inside = reach / 2 * ((self.tip.transform_derivative(t) / t) @ weights)
-        return (inside - self._pulled(fields, distance)) / np.pi
+        """Total pressure at radii 0 ≤ r < a, (M,): that of the tip alone less ∫_a^∞ h'(t)/√(t² − r²) dt/π."""
+        a = fields.rim.radius
+        return self.tip.contact_pressure(r, a) - self._pulled(fields, np.maximum((a - r) * (a + r), 0.0)) / np.pi
 
     def middle_pressure(self, fields: Fields) -> float:
         """The same at r = 0; infinite under a cone."""
-        if self.tip.apex_exponent <= 1.0:
-            return math.inf
-        a = fields.rim.radius
-        return peak_pressure(self.tip, a) - float(self._pulled(fields, np.array([a * a]))[0]) / math.pi
+        return float(self.inner_pressure(fields, np.zeros(1))[0])
 
     def _pulled(self, fields: Fields, distance: Array) -> Array:
         """∫_a^∞ h'(t)/√(t² − r²) dt, (M,), with ``distance = a² − r²``."""

@@ -270,7 +270,7 @@ class Mesh:
         """Whether panels (rows) are close to others (columns), on which the kernel is not smooth then, (P, P)."""
         apart = self.edges[:-1, None] - self.edges[1:]
         near = np.where(self.root == 0, NEAR, NEAR_ROOT) * np.diff(self.edges)
-        return np.maximum(apart, apart.T) < near
+        return np.asarray(np.maximum(apart, apart.T) < near)
 
     def _near(self, target: Indices, source: Indices, upwards: bool, power: int = OF_VALUES) -> Array:
         """The blocks of either integral for pairs of panels, (pairs, order, order); `power`: see `rooted_values`."""

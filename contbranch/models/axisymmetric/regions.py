@@ -90,8 +90,8 @@ def _breaches(equations: Equations, fields: Fields, scale: float, narrow_ring: f
     law, a, mesh = equations.law, fields.rim.radius, equations.mesh
     largest = max(magnitude(fields.pressure), 1.0 / scale)
     if equations.contact and a > 0.0:
-        places, middle = a * INSIDE, equations.middle_pressure(fields)
-        inner = np.append(middle, equations.inner_pressure(fields, places[1:]))
+        places = a * INSIDE
+        inner = equations.inner_pressure(fields, places)
         low, high = law.bounds(equations.level)
         largest = max(largest, abs(low))
         for sign, bound, band in ((1.0, low, equations.level), (-1.0, high, equations.level - 1)):
