@@ -16,7 +16,6 @@ from contbranch.contact.tips import Cone, Parabola, PowerLaw
 from contbranch.contact.units import finite_number
 from contbranch.control import LOAD, Control, Spring, as_control
 from contbranch.errors import InputError
-from contbranch.models.axisymmetric.model import Axisymmetric
 from contbranch.models.choice import choose
 from contbranch.models.exact.model import Exact
 from contbranch.results.advice import Advice, Candidate
@@ -231,7 +230,7 @@ def _own(contact: Contact, wanted: Judged, accuracy: float, truth: Diagram) -> C
     errors: dict[str, float | None] = {name: error / max(1.0, abs(value)) for name, (value, error) in wanted.items()}
     if truth.model.kind == Exact.name:
         return Candidate("exact", errors, truth.cost.wall_s, "The law itself, in closed form.")
-    rings = Axisymmetric().obstacle(contact) is not None
+    rings = any(event.kind == "topology" for event in truth.events)
     digits = max(0.0, math.log10(truth.accuracy / max(accuracy, REACHES)))
     why = f"The law itself, as traced to {truth.accuracy:g}; accuracies down to {REACHES:g} are for the asking."
     errors = {name: min(error or 0.0, max(accuracy, REACHES)) for name, error in errors.items()}

@@ -438,7 +438,7 @@ def _eigenvalues(subject: Subject, method: Method, kept: int = 4) -> Claims:
 LAWS: Final = tuple(KINDS)
 TWO: Final = ("exponential", "gauss")
 METHODS: Final = (
-    Method("axisymmetric, exact, rings", "auto", True, LAWS, _traced),
+    Method("axisymmetric, exact", "auto", True, LAWS, _traced),
     Method("free grid", "48", True, LAWS[:3], _traced),
     Method("free grid", "64", True, TWO, _traced),
     Method("periodic grid", "48", True, LAWS[:3], _traced),
