@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 import contbranch as cb
 from contbranch.control import LOAD
 from contbranch.curve.quasi_static import Stop, next_along
-from contbranch.models.rings import Rings
 from contbranch.results.diagram import State
 
 STEP = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.0, sign=-1)
@@ -76,7 +75,7 @@ def test_a_film_squeezed_out_on_a_ring_stays_in_the_middle(blunt):
     for jump in blunt.jumps:
         assert jump.to.load == pytest.approx(jump.start.load, abs=1e-4)
         assert jump.dissipated > 0
-    # dV/dd = F: the area is integrated along the unstable part, through both models and the change between them.
+    # dV/dd = F: the area is integrated along the unstable part, through the change of the contact set.
     assert squeezed.area == pytest.approx(squeezed.dissipated, abs=1e-4)
     in_the_ring = blunt.path.leg == 1
     assert (blunt.path.central_gap[in_the_ring] > 0.1).all()
@@ -125,16 +124,3 @@ def test_the_next_state_is_certain_if_the_saddle_behind_it_is_higher(roots, cert
     found, sure = next_along(walk, fold, stable)
     assert found.state.displacement == pytest.approx(a)
     assert sure == certain
-
-
-def test_both_models_make_the_same_loop():
-    """With a disc of contact the model of any regions and that of the Abel transform share no discretisation."""
-    contact = cb.Contact.reduced("gauss", 0.6, -1)
-    loop, other = cb.hysteresis(contact, model=Rings()), cb.hysteresis(contact)
-    assert loop.closed
-    assert [jump.name for jump in loop.jumps] == [jump.name for jump in other.jumps] == ["squeeze-out", "wetting"]
-    assert loop.dissipated == pytest.approx(other.dissipated, abs=loop.error + other.error)
-    for jump, same in zip(loop.jumps, other.jumps, strict=True):
-        assert jump.dissipated == pytest.approx(same.dissipated, abs=jump.error + same.error)
-        assert jump.to.displacement == pytest.approx(same.to.displacement, abs=4e-6)
-        assert jump.area == pytest.approx(jump.dissipated, abs=4e-6)

@@ -11,7 +11,7 @@ import pytest
 
 import contbranch
 
-PACKAGES = ("", "contact", "models/axisymmetric", "models/exact", "models/grid", "models/rings")
+PACKAGES = ("", "contact", "models/axisymmetric", "models/exact", "models/grid")
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -190,6 +190,23 @@ def test_spherical_cap_near_its_equator():
         assert derivative == pytest.approx(float(difference), rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("tip", "a"),
+    [(PowerLaw(3.3, 1.0), 0.7), (PowerLaw(1.4, 1.0), 0.7), (PowerLaw(6.0, 1.0), 0.7), (SphericalCap(2.0), 1.1)],
+    ids=["blunt", "pointed", "bluntest", "cap"],
+)
+def test_pressure_in_a_contact_without_interaction(tip, a):
+    """π p(r) = ∫_r^a ζ'/√(t² − r²) dt, with t² = r² + s²."""
+    for r in (0.0, 0.01 * a, 0.4 * a, 0.99 * a):
+
+        def density(s, r=r):
+            t = math.hypot(r, s)
+            return float(tip.transform_derivative(t)) / t
+
+        whole, _ = quad(density, 0.0, math.sqrt(a * a - r * r), epsabs=1e-13, epsrel=1e-12, limit=200)
+        assert float(tip.contact_pressure(np.float64(r), a)) == pytest.approx(whole / math.pi, rel=1e-10)
+
+
 def test_spherical_cap_ends_at_its_equator():
     tip = SphericalCap(2.0)
     assert tip.extent == 2.0

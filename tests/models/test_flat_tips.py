@@ -10,10 +10,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from followed import virial
 from scipy.optimize import brentq, minimize_scalar
 
 import contbranch as cb
-from contbranch.models.rings.problem import RingProblem
 
 CASES = [
     (3.5, cb.Exponential(-1.0, 8.0), 6.8, (0.5, 0.62)),
@@ -101,28 +101,11 @@ def test_a_stiff_contact_grows_from_a_ring():
     assert topology
     for event in [*topology, diagram.events[-1]]:
         point = event.origin.raw.point
-        energy, surface, virial = of_rings(point) if isinstance(point.problem, RingProblem) else of_disc(point)
+        energy = point.problem.values(point.x, point.parameter).energy
+        surface, pressed = virial(point)
         work = exponent * event.load * event.displacement
-        scaled = (2 * exponent + 1) * (energy - surface) + 2 * surface - exponent * virial
+        scaled = (2 * exponent + 1) * (energy - surface) + 2 * surface - exponent * pressed
         assert scaled == pytest.approx(work, rel=1e-5, abs=1e-4)
-
-
-def of_rings(point):
-    """Energy, that of the interaction, and ∫ g p d²r."""
-    problem = point.problem
-    fields = problem.fields(point.x, point.parameter)
-    resting, level = problem.resting(fields.grid)
-    area = 2 * np.pi * fields.grid.weights * fields.grid.r
-    virial = area @ (np.where(resting, level, fields.gap) * fields.pressure)
-    return problem.energy(fields), problem.interaction(fields), virial
-
-
-def of_disc(point):
-    """The same of one disc."""
-    equations, fields = point.problem.seen(point.x, point.parameter)
-    area = 2 * np.pi * equations.mesh.weights * equations.mesh.nodes
-    inside = np.pi * fields.rim.radius**2 * float(equations.interaction.evaluate(np.zeros(1)).energy[0])
-    return equations.energy(fields), inside + area @ fields.energy_density, area @ (fields.gap * fields.pressure)
 
 
 def test_a_fold_next_to_touch_does_not_depend_on_the_steps_that_led_there():
@@ -179,7 +162,7 @@ def test_behind_a_dish_too_shallow_to_be_seen_discs_have_no_folds_of_their_own(c
 def test_discs_open_where_their_displacement_no_longer_falls():
     """Under a film so soft that its own pressure does not matter, d = zeta(a) + h(a) has its minimum there."""
     touch = next(event for event in traced(SOFT, 1e-6).events if event.kind == "touch")
-    (place,) = touch.origin.raw.point.problem.otherwise(touch.origin.raw.point)  # with one disc of contact
+    place = touch.origin.raw.point
     still, h = place.problem.still(place.x)
     disc = still._behind()
 

@@ -120,7 +120,7 @@ def test_pressure_lifts_the_surface_to_its_gap(name: str, curves: dict[int, Trac
             r, gap = np.append(r, within), np.append(gap, np.full(19, level))
     lift = np.array([float(lifted(state.pressure, ends, place)) for place in r])
     observed = problem.values(point.x, point.parameter)
-    assert observed.displacement == pytest.approx(case.displacement, abs=1e-12)
+    assert observed.displacement == pytest.approx(case.displacement, abs=1e-10)  # the accuracy asked for
     # In a disc of contact the pressure is told by the slope of h, with fewer digits.
     allowed = 1e-7 if name == "disc and ring" else 1e-8
     assert np.abs(lift - (gap + observed.displacement - tip.height(r))).max() < allowed
@@ -295,6 +295,6 @@ def test_a_film_up_to_the_rim_of_a_cap() -> None:
 def test_nothing_breaches_where_all_is_right(curves: dict[int, Track]) -> None:
     """Inequalities hold at every state, and fail where a region is left out: a wall that pulls, surfaces that meet."""
     for case in CASES.values():
-        equations, state = seen(state_of(case, curves))[1:]
-        breach = least_margin(equations, state.fields, 1.0)
+        problem, equations, state = seen(state_of(case, curves))
+        breach = least_margin(equations, state.fields, problem.scale, problem.narrow_ring)
         assert breach is None or breach.margin > 0.0

@@ -14,6 +14,7 @@ from contbranch.continuation import CorrectionError, Event, Options, Outcome, Po
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
 from contbranch.continuation.newton import border, correct, linearise, residual, solve
+from contbranch.continuation.walk import unit_tangent
 from contbranch.curve.events import Margin
 from contbranch.curve.problem import Succession, equilibrium, oriented
 from contbranch.errors import ModelError
@@ -451,15 +452,15 @@ def vanished(points: Sequence[Point]) -> Succession:
     width = narrowest(point)
     if not becomes_right(joined, FIRST * width):  # at a fold, where what was held turns at once
         joined = joined.turned()
-    right = margin_of(joined) > 0  # for a while already: look back
+    right = (margin := margin_of(joined)) > 0  # for a while already: look back
+    if 0 < margin < FAILS:  # only just: look back from farther on
+        joined = along(joined, width, [], lambda found: margin_of(found) > 2 * margin)
     event = along(joined.turned() if right else joined, width, [Begins("breach")])
     if event.label != "breach":
         raise ModelError("a region vanished, but not where its inequality says")
     event = event.turned() if right else event
     kind, message = change(event, failing(event), growing=False)
-    if (
-        problem_of(event).equations.contact and not problem_of(event).divided
-    ):  # where inequalities are asked for with tolerance
+    if problem_of(event).equations.contact and not problem_of(event).divided:  # whose inequalities have a tolerance
         return Succession(kind, event, (event,), message=message, margin="breach")
     start = joined if right else along(event, width, [], lambda found: margin_of(found) > 0)
     step = max(width, SHORTEST)
@@ -505,15 +506,12 @@ def along(start: Point, width: float, events: Sequence[Event], arrived: Callable
     """The last point of the curve from a start on, in steps of a width at first, as far as events or `arrived` say."""
     problem = equilibrium(start)
     balance, p = problem.balance(start, FIRST * width), start.parameter
-    far = FAR * (1.0 + abs(p))
-    branch = follow(
-        problem.leaving(start, FIRST * width),
-        balance,
-        Range(p - far, p + far),
-        problem.steps(start),
-        events,
-        StopAt(predicate=arrived),
-    )
+    if not problem_of(start).mesh.roots and start.observables["contact_radius"] > width:  # whose own steps are its size
+        share = FIRST * width / start.observables["contact_radius"]
+        balance = replace(balance, state=share * balance.state, parameter=share * balance.parameter)
+    far, options = FAR * (1.0 + abs(p)), problem.steps(start)
+    start = unit_tangent(start, balance.metric(options.weight, options.state_floor))
+    branch = follow(start, balance, Range(p - far, p + far), options, events, StopAt(predicate=arrived))
     if not branch.points:
         raise ModelError(f"where a region vanished the curve could not be followed: {branch.end.message}")
     return branch.points[-1]
