@@ -626,7 +626,8 @@ class Equations:
     def _pulled(self, fields: Fields, distance: Array) -> Array:
         """∫_a^∞ h'(t)/√(t² − r²) dt, (M,), with ``distance = a² − r²``."""
         mesh, n, h = self.mesh, self.mesh.order, fields.h
-        slope, root = mesh.weights[n:] * mesh.slope(h)[n:], np.sqrt(mesh.nodes[n:] ** 2 + distance[:, None])
+        places, slope = mesh.rises(h)
+        root = np.sqrt(places**2 + distance[:, None])
         if mesh.bounded and not mesh.root[-1]:  # h ends like a root: by parts
             slope[-n:] = mesh.weights[-n:] * h[-n:] * mesh.nodes[-n:]
             root[:, -n:] **= 3

@@ -418,6 +418,24 @@ class Mesh:
                 slopes[self.root == sign] = values.reshape(self.panels, self.order)[self.root == sign] @ own.T
         return (slopes / self.scale).ravel()
 
+    def rises(self, values: Array) -> tuple[Array, Array]:
+        """Places beyond the innermost panel and by how much h rises around each, for integrals of its slope; (M,)."""
+        n, products = self.order, (self.slope(values) * self.scale.ravel()).reshape(self.panels, self.order)
+        places, found = self.nodes.reshape(self.panels, n), products * self.rule.weights
+        if not self.roots:
+            return places[1:].ravel(), found[1:].ravel()
+        nodes, weights = gauss((1 + LOGARITHM) * n)
+        finely, parts = rooted_rule(n, OF_SLOPES, len(nodes)), []
+        for k in range(1, self.panels):
+            kind = self.root[k]
+            if kind:
+                own = finely if kind < 0 else finely[::-1, ::-1]
+                shares = _shares((1 + nodes) / 2, kind)
+                parts.append((self.edges[k] + 2 * self.half[k] * shares, weights * (own @ products[k])))
+            else:
+                parts.append((places[k], found[k]))
+        return np.concatenate([one[0] for one in parts]), np.concatenate([one[1] for one in parts])
+
     def derivative_dual(self, values: Array) -> Array:
         """What `derivative` multiplies a row of nodal values by, (N,)."""
         own = values.reshape(self.panels, self.order) / self.scale

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from contbranch.contact.contact import Contact
+from contbranch.contact.interaction_law import terms_of
+from contbranch.contact.interactions import MaugisDugdale
 
 from .problem import ROW_SAFETY, ContactProblem, first_problem
 
@@ -26,6 +28,9 @@ class Axisymmetric:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
+        steps = [law.work_of_adhesion for law in terms_of(contact.interaction) if isinstance(law, MaugisDugdale)]
+        if steps and min(steps) < 0.0 < max(steps):
+            return "maugis-dugdale laws that attract and such that repel cannot be added"
         return None
 
     def problem(self, contact: Contact, accuracy: float) -> ContactProblem:
