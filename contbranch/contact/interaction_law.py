@@ -68,7 +68,7 @@ class Interaction:
 
     name: ClassVar[str] = ""
     dimensions: ClassVar[Mapping[str, str]] = {"work_of_adhesion": "energy per area", "range": "length"}
-    shape_convex: ClassVar[bool] = False  # whether f'' ≥ 0 wherever the gap is not negative
+    shape_convex: ClassVar[bool] = False  # whether f' never falls where the gap is not negative
 
     work_of_adhesion: float
     range: float

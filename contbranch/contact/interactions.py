@@ -116,6 +116,7 @@ class MaugisDugdale(Interaction):
     """
 
     name = "maugis-dugdale"
+    shape_convex = True
 
     def shape(self, x: Array) -> tuple[Array, Array, Array]:
         """Return 1 - x, -1 and 0 for x < 1, and 0 beyond; NaN stays NaN."""

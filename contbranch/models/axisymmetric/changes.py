@@ -32,6 +32,8 @@ __all__ = ["begun", "born", "laid", "narrowness", "positions", "rested", "vanish
 
 Row = tuple[Array, float]
 
+# The inequality of a point fails there exactly up to this margin.
+EXACT = 1e-10
 # Newton's method from a guess at other regions: iterations, the relative correction from which it is left to itself,
 # the growth of the residual that is accepted, how often a step is halved to avoid more, and the growth of a correction
 # beyond which it is astray (those that lead to a state grow by a fifth at most).
@@ -240,7 +242,7 @@ def born(points: Sequence[Point]) -> Succession:
 
 def failed(points: Sequence[Point]) -> tuple[Point, int]:
     """Where the inequalities fail exactly, and how many of the points lie beyond: discs are followed with tolerance."""
-    if problem_of(points[-1]).divided:
+    if problem_of(points[-1]).divided or abs(margin_of(points[-1])) < EXACT:
         return points[-1], 1
     right = next((k for k in reversed(range(len(points))) if margin_of(points[k]) > 0.0), None)
     if right is None:
