@@ -1,4 +1,4 @@
-"""Steep fronts of the pressure, how smooth a film has to be, and how long it lasts: of discs and rings alike."""
+"""Steep fronts of the pressure, how smooth a film has to be, and how long it lasts."""
 
 from __future__ import annotations
 

@@ -330,16 +330,16 @@ class Equations:
         rim, h = self.rim(y), state[: self.mesh.size]
         rim_value = float(self.rim_row @ h)
         shape, shape_slope = self._shape_gap(rim)
-        gaps = rim.bent(h - rim_value) + shape
-        if not self.contact:
-            gaps = gaps - y
-        elif self.level:
-            gaps = gaps + self.rest
+        rise = rim.bent(h - rim_value) + shape
+        centre = self.rest if self.contact else -y
+        gaps = rise + centre if centre else rise
         gap = gaps[: self.mesh.size]
         energy, pressure, stiffness = self._answer(gap, state)
         residual = h - self.mesh.abel_of(pressure)
         if len(self.resting):
-            residual = np.append(residual, gap[self.resting] - self._levels)
+            residual = np.append(
+                residual, rise[self.resting] - (self._levels - centre)
+            )  # gaps have rounding of their own
         fields = Fields(state, h, y, rim, rim_value, gaps, gap, energy, pressure, stiffness, residual, self._rests)
         fields.derived["shape_slope"] = shape_slope
         self._recent = [fields, *self._recent[: RECENT - 1]]

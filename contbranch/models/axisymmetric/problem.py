@@ -22,7 +22,6 @@ from contbranch.continuation import (
 )
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import follow
-from contbranch.continuation.newton import correct
 from contbranch.continuation.problem import UnresolvedError
 from contbranch.continuation.walk import annotated, unit_tangent
 from contbranch.control import Control
@@ -37,7 +36,6 @@ from contbranch.curve.problem import (
     equilibrium,
     oriented,
 )
-from contbranch.curve.refine import OPTIONS
 from contbranch.errors import ModelError
 from contbranch.models.fronts import ENDURES, lasts
 from contbranch.models.quadrature import start_edges
@@ -420,14 +418,6 @@ class ContactProblem(MeshedContact):
         if self.front is None:
             return row
         return np.append(row[0] * self.growth(x), np.zeros(x.size - self.mesh.size)), row[1]
-
-    def _at_displacement(self, x: Array, p: float, displacement: float | None = None) -> tuple[Array, float]:
-        """The solution next to a state with its displacement, or with another one."""
-        row = self.displaced(x, p)
-        if displacement is not None:
-            p += (displacement - self.values(x, p).displacement) / row[1]
-        found = correct(self, (x, p), row, self.metric(x), OPTIONS)
-        return found.x, found.parameter
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
