@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
+from itertools import pairwise
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -19,7 +20,9 @@ from numpy.typing import ArrayLike
 from contbranch.arrays import Array
 
 _ORDER = 24  # Gauss-Legendre nodes for the gap: the worst analytic integrand (a = rho) loses a factor 10 with each node
-_PEAK = 32  # of the pressure in the middle
+_PEAK, _MIDDLE = 32, 1e-7  # of the pressure in the middle; which that is at this share of the radius, too
+# Ends of pieces, in units of the logarithm of the radius from the rim, where ζ' is steep towards the edge of a tip.
+_TOWARDS_EDGE = (0.0, 0.02, 0.1, 0.4, 1.5, math.inf)
 _ROUND = 4.0  # apex exponent from which on polynomials tell ζ'/t next to the apex
 
 
@@ -191,8 +194,11 @@ class Tip(TipShape):
         own, reach = r[..., None], np.sqrt(np.maximum((a - r) * (a + r), 0.0))
         x, w = gauss_rule()
         if self.apex_exponent < _ROUND:  # t = r cosh y
-            y = np.arcsinh(reach / np.where(r > 0.0, r, 1.0))
-            found = y * (self.transform_derivative(own * np.cosh(y[..., None] * x)) @ w)
+            y, found = np.arcsinh(reach / np.where(r > 0.0, r, 1.0)), np.zeros_like(r)
+            ends = _TOWARDS_EDGE if math.isfinite(self.extent) else (0.0, math.inf)
+            for near, far in pairwise(np.minimum(end, y) for end in ends):  # distances from the rim
+                places = (y - far)[..., None] + (far - near)[..., None] * x
+                found = found + (far - near) * (self.transform_derivative(own * np.cosh(places)) @ w)
         else:
             t = np.hypot(own, reach[..., None] * x)
             found = reach * ((self.transform_derivative(t) / t) @ w)
@@ -202,6 +208,8 @@ class Tip(TipShape):
                 u, weights = gauss_rule(_PEAK)
                 power = 4.0 / (self.apex_exponent - 1.0)
                 middle = power * float(weights @ (self.transform_derivative(a * u**power) / u))
+                if math.isfinite(self.extent):
+                    middle = math.pi * float(self.contact_pressure(np.array([_MIDDLE * a]), a)[0])
             found = np.where(r > 0.0, found, middle)
         return np.asarray(found / math.pi)
 

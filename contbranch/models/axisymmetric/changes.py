@@ -32,8 +32,6 @@ __all__ = ["begun", "born", "laid", "narrowness", "positions", "rested", "vanish
 
 Row = tuple[Array, float]
 
-# The inequality of a point fails there exactly up to this margin.
-EXACT = 1e-10
 # Newton's method from a guess at other regions: iterations, the relative correction from which it is left to itself,
 # the growth of the residual that is accepted, how often a step is halved to avoid more, and the growth of a correction
 # beyond which it is astray (those that lead to a state grow by a fifth at most).
@@ -242,7 +240,7 @@ def born(points: Sequence[Point]) -> Succession:
 
 def failed(points: Sequence[Point]) -> tuple[Point, int]:
     """Where the inequalities fail exactly, and how many of the points lie beyond: discs are followed with tolerance."""
-    if problem_of(points[-1]).divided or abs(margin_of(points[-1])) < EXACT:
+    if problem_of(points[-1]).divided or not problem_of(points[-1]).equations.contact:
         return points[-1], 1
     right = next((k for k in reversed(range(len(points))) if margin_of(points[k]) > 0.0), None)
     if right is None:
@@ -536,6 +534,9 @@ def failing(point: Point) -> Breach:
     problem = problem_of(point)
     equations, fields = problem.seen(point.x, point.parameter)
     breach = least_margin(equations, fields, problem.scale, problem.narrow_ring)
+    if breach is None and not (problem.divided or equations.contact):  # a dish within the first nodes
+        margin, radius = equations.admissibility(fields, problem.scale)
+        return Breach(margin, 0, radius, Region(True, 0))
     if breach is None:
         raise ModelError("where the contact set changes its inequality could not be told")
     if breach.region == 0 and equations.contact and breach.radius < CENTRAL * fields.rim.radius:
