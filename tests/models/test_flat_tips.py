@@ -20,7 +20,7 @@ CASES = [
     (3.855, cb.Exponential(-1.0, 5.5), 5.5, (0.6, 0.8)),
     (4.0, cb.Gauss(1.0, 10.0), 5.2, (-0.3, -0.1)),
 ]
-SOFT = cb.Contact(cb.PowerLaw(3.112, 1.0), cb.Layered(-1.0, 42.67454457989872, 117.78174304052047, 0.0))
+SOFT = cb.Contact(cb.PowerLaw(4.086, 1.0), cb.Layered(-1.0, 494.48550196588604, 1077.9783942856316, 0.0))
 
 
 @cache
@@ -124,7 +124,13 @@ def test_a_fold_next_to_touch_does_not_depend_on_the_steps_that_led_there():
     assert abs(fold.contact_radius - at_turn.contact_radius) < fold.error["contact_radius"]
 
 
-@pytest.mark.parametrize(("contact", "accuracy"), [(SOFT, 1e-4)])
+@pytest.mark.parametrize(
+    ("contact", "accuracy"),
+    [
+        (cb.Contact(cb.PowerLaw(3.112, 1.0), cb.Layered(-1.0, 42.67454457989872, 117.78174304052047, 0.0)), 1e-4),
+        (SOFT, 1e-6),
+    ],
+)
 def test_behind_a_dish_too_shallow_to_be_seen_discs_have_no_folds_of_their_own(contact, accuracy):
     """The surfaces meet on a ring first, by less than is tolerated: smaller discs lose displacement as they grow.
 
@@ -134,7 +140,7 @@ def test_behind_a_dish_too_shallow_to_be_seen_discs_have_no_folds_of_their_own(c
     diagram = traced(contact, accuracy)
     assert diagram.status == "complete", diagram.message
     (branch,) = diagram.branches
-    touch = next(event for event in diagram.events if event.kind == "touch")
+    touch = next(event for event in diagram.events if event.kind in ("touch", "topology"))
     assert not list(diagram.folds("displacement"))
     assert not branch.unstable_displacement.any()
     touched = np.flatnonzero(branch.contact_radius > 0.0)
@@ -149,13 +155,13 @@ def test_behind_a_dish_too_shallow_to_be_seen_discs_have_no_folds_of_their_own(c
     assert np.all(np.diff([0.0, *radii, branch.contact_radius[rows[-1]]]) > 0.0)
     work = half * weights @ [state.load for state in states]
     assert energy[-1] - energy[0] == pytest.approx(work, abs=accuracy * np.abs(energy).max())
-    again = next(event for event in traced(contact, accuracy / 30).events if event.kind == "touch")
+    again = next(event for event in traced(contact, accuracy / 30).events if event.kind == touch.kind)
     assert abs(touch.displacement - again.displacement) < touch.error["displacement"]
 
 
 def test_discs_open_where_their_displacement_no_longer_falls():
     """Under a film so soft that its own pressure does not matter, d = zeta(a) + h(a) has its minimum there."""
-    touch = next(event for event in traced(SOFT, 1e-4).events if event.kind == "touch")
+    touch = next(event for event in traced(SOFT, 1e-6).events if event.kind in ("touch", "topology"))
     place = touch.origin.raw.point
     still, h = place.problem.still(place.x)
     disc = still._behind()
@@ -208,7 +214,7 @@ def test_a_stiff_film_under_a_flat_tip_breaks_on_a_ring_and_then_in_the_middle()
     coarse, fine = (cb.trace(contact, accuracy=accuracy, max_load=12600.0, modes=0) for accuracy in (1e-4, 1e-6))
     for diagram in (coarse, fine):
         assert diagram.status == "complete", diagram.message
-        assert len(diagram.branches[0].load) < 130
+        assert len(diagram.branches[0].load) < 200
         assert [event.kind for event in diagram.events] == ["topology", "topology", "end"]
     for one, other in list(zip(coarse.events, fine.events, strict=True))[:2]:
         for name in ("load", "displacement"):

@@ -117,6 +117,8 @@ SHARPER = 1e-4
 # not count, of its own: far more than what corrections stop at, which behind first touch of a stiff film is more than
 # the state changes.
 LOUD, LOUDER = 1e5, 1e3 * NOISE
+# Share by which a disc grows in the difference that tells how its pressure does.
+GROWN = 1e-4
 # Gaps at which a film's pressure is looked at; the gap of one that is pressed changes by less than this share of the
 # displacement.
 BARRIER, PRESSED = 400, 0.1
@@ -537,7 +539,8 @@ class ContactProblem(MeshedContact):
     def ending(self, name: str, point: Point) -> str:
         """Why the curve ends."""
         if name == "end":
-            return "" if self.equations.contact or point.observables["central_gap"] < self.contact_gap else ENDURES
+            touches = self.equations.contact and not self.equations.level
+            return "" if touches or point.observables["central_gap"] < self.contact_gap else ENDURES
         if name == "inadmissible":
             return (
                 "The branch ends where the contact set stops being a disc: the gap would close outside the contact, or "
@@ -564,9 +567,18 @@ class ContactProblem(MeshedContact):
     def endures(self, point: Point) -> bool:
         """Whether the film's next greatest pressure is out of reach, see `lasts`."""
         (equations, fields), law = self.seen(point.x, point.parameter), self.equations.interaction
-        if equations.contact or law is None or equations.load(fields) <= 0.0:
+        if law is None or (equations.contact and not equations.level) or equations.load(fields) <= 0.0:
             return False
         along = self.rates(point.x, point.parameter, point.tangent_x, point.tangent_parameter)
+        if equations.contact:  # at a level, up to the pressure that breaks it there
+            if not along.load * point.tangent_parameter > 0.0:
+                return False
+            pressure, a = equations.tip.contact_pressure, fields.rim.radius
+            growth = float(pressure(np.zeros(1), (1 + GROWN) * a)[0] - pressure(np.zeros(1), a)[0]) / (GROWN * a)
+            growth *= equations.coordinate.slopes(fields.y)[0] * self.scale * math.cosh(point.parameter)
+            rate = growth * point.tangent_parameter * equations.load(fields) / along.load
+            left = equations.law.bounds(equations.level)[1] - equations.middle_pressure(fields)
+            return lasts(equations.tip, equations.displacement(fields), left, rate)
         if not abs(along.central_gap) < PRESSED * abs(along.displacement):  # not yet pressed, but approached
             return False
         inwards = law.evaluate(np.linspace(-fields.y, 0.0, BARRIER))
