@@ -374,16 +374,16 @@ def test_contact_that_begins_on_a_ring_is_a_region_of_its_own():
 
 
 def test_folds_beyond_a_ring_bound_regions_of_a_phase_diagram():
-    contact = cb.Contact(cb.PowerLaw(3.8, 1.36), cb.Gauss(-0.734, 0.318 / 1.5), 2.187)
+    contact = cb.Contact(cb.PowerLaw(4.266, 1.0), cb.Gauss(1.0, 0.25))
     events = cb.trace(contact, accuracy=1e-3, modes=0).events
     assert [event.kind for event in events].count("topology") == 2
     tabor = contact.tabor
     phase = cb.phase_diagram(contact, "tabor", (tabor, 1.001 * tabor), "load", samples=3, accuracy=1e-3)
     assert (phase.status, phase.message) == ("complete", "")
     folds = [event for event in events if event.kind == "fold" and event.control == "load"]
-    # Between them lie first touch, and where the ring opens and closes.
-    assert [len(parts) for parts in phase.parts] == [len(folds) + 4] * 3
-    assert len(phase.boundaries) == len(folds) + 1  # and first touch
+    # Between them lies where contact begins on a ring.
+    assert [len(parts) for parts in phase.parts] == [len(folds) + 2] * 3
+    assert len(phase.boundaries) == len(folds) == 3
 
 
 def test_boundaries_next_to_each_other_are_all_there():

@@ -383,9 +383,10 @@ def test_films_under_cones_are_similar(sigma: float) -> None:
     assert load / (displacement + 1 / sigma) ** 2 == pytest.approx(load[-1] / (displacement[-1] + 1 / sigma) ** 2)
 
 
-def test_the_weakest_films_open_where_the_pressure_reaches_the_law(exponent: float = 4.3) -> None:
+def test_the_weakest_films_open_where_the_pressure_reaches_the_law() -> None:
     """Ranges of a thousand radii: p(r) = (1/π) ∫_r^c ζ'/√(t² − r²) dt with ζ = κtⁿ reaches σ, d = κcⁿ − z0."""
-    tip, range_ = cb.PowerLaw(exponent, 1.0), 1e3
+    exponent, range_ = 4.3, 1e3
+    tip = cb.PowerLaw(exponent, 1.0)
     event = first_change(cb.Contact(tip, cb.MaugisDugdale(-1.0, range_)), 1e-6)
     kappa, (s, w) = float(tip.transform(1.0)), np.polynomial.legendre.leggauss(200)
 
