@@ -336,10 +336,8 @@ class Equations:
         gap = gaps[: self.mesh.size]
         energy, pressure, stiffness = self._answer(gap, state)
         residual = h - self.mesh.abel_of(pressure)
-        if len(self.resting):
-            residual = np.append(
-                residual, rise[self.resting] - (self._levels - centre)
-            )  # gaps have rounding of their own
+        if len(self.resting):  # without the gaps' own rounding, which is that of the gap at the centre
+            residual = np.append(residual, rise[self.resting] - (self._levels - centre))
         fields = Fields(state, h, y, rim, rim_value, gaps, gap, energy, pressure, stiffness, residual, self._rests)
         fields.derived["shape_slope"] = shape_slope
         self._recent = [fields, *self._recent[: RECENT - 1]]

@@ -64,8 +64,8 @@ class Mesh:
     bounded : bool
         Whether there is nothing beyond the last edge, where functions then end like square roots.
     roots : tuple of int
-        Indices of edges at which functions on either side are polynomials in the square root of the distance; at least
-        2, and no panel has two of them.
+        Indices of edges at which functions on either side are polynomials in the square root of the distance, and
+        those that `plane` integrates have x log x besides; at least 2, and no panel has two of them.
 
     Attributes
     ----------
@@ -367,7 +367,7 @@ class Mesh:
 
     @cached_property
     def slopes_to_targets(self) -> Array:
-        """The same for slopes of what goes like x log x next to the roots, (N + R, N)."""
+        """`plane_to_targets` for slopes of what goes like x log x next to the roots, (N + R, N)."""
         return self.source[0].slopes_to_targets if self.source else self._to_targets(True)
 
     def _to_targets(self, slopes: bool) -> Array:
@@ -410,7 +410,7 @@ class Mesh:
         return (slopes / self.scale).ravel()
 
     def slope(self, values: Array) -> Array:
-        """The same of h, which goes like x log x next to a root, (N,)."""
+        """Derivative of h, which goes like x log x next to a root, with respect to tau, at the nodes; (N,)."""
         slopes = values.reshape(self.panels, self.order) @ self.rule.derivative.T
         if self.roots:
             matrix = rooted_derivative(self.order)
