@@ -359,6 +359,18 @@ def test_films_under_a_uniform_pressure(tip: cb.Tip, range_: float) -> None:
     assert diagram.events[-1].name is None
 
 
+def test_a_film_under_a_cone_begins_with_a_narrow_ring() -> None:
+    """Its ring is a little wider than those that are replaced by jumps: 1.7e-3 of its radius at z0 = 5."""
+    contact = cb.Contact(cb.Cone(1.0), cb.MaugisDugdale(-1.0, 5.0))
+    coarse, fine = (cb.trace(contact, accuracy=accuracy, modes=0) for accuracy in (1e-6, 1e-8))
+    for one, other in zip(coarse.events, fine.events, strict=True):
+        assert (one.kind, other.kind) in (("touch", "touch"), ("end", "end"))
+    touch, exact = coarse.events[0], fine.events[0]
+    for name in ("load", "displacement"):
+        allowed = touch.error[name] + exact.error[name]
+        assert abs(getattr(touch, name) - getattr(exact, name)) <= allowed <= 2e-6 * abs(touch.load)
+
+
 def test_a_film_that_reaches_farther_than_its_cap() -> None:
     """The curve ends where the pressure acts on the whole cap: F = πσc², d = z(c) − z0 + 4σc/π at its edge c."""
     range_ = 80.0

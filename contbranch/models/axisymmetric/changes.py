@@ -406,7 +406,8 @@ def on_level(point: Point, index: int, radius: float) -> Point:
     steep = float(tip.height_derivative(np.float64(radius)))
     width = CLOSING * math.exp(-math.pi * steep / (2 * law.pressure(index - 1, index)))
     trials = [(Layout((rests, *around), False), np.array([share * radius])) for share in DISCS]
-    holes = [(Layout((inside, rests, *around), False), np.array([share * radius, radius])) for share in HOLES]
+    shares = [1.0 - width, *HOLES] if width < 1.0 else HOLES
+    holes = [(Layout((inside, rests, *around), False), np.array([share * radius, radius])) for share in shares]
     jumps = width < problem.narrow_ring  # from the beginning
     if jumps:
         holes = [(Layout((inside, *around), False), np.array([radius]))]
