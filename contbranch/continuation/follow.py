@@ -243,9 +243,7 @@ class _Direction:
         dx, dp = end.x - begin.x, end.parameter - begin.parameter
         self.balance = self.balance.advance(size_of(begin.problem, dx), abs(dp))
         self.balance = self.balance.sized(size_of(end.problem, end.x), end.parameter)
-        self.metric = self.balance.metric(
-            options.weight, max(options.state_floor, end.problem.negligible(end.x, end.parameter))
-        )
+        self.metric = self.balance.metric(options.weight, options.state_floor)
         self.step = taken.factor * self.metric.norm(begin.problem, dx, dp)
         try:
             here, carry = adapted(end, self.metric, options)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -212,17 +211,12 @@ def correct(
             if size > SMALL_CORRECTION:
                 worst = max(worst, contraction)
         if done:
-            if problem.delicate:
-                dx, dp = solve(bordered, -residual(problem, x, p), 0.0, p)
-                if metric.norm(problem, dx, dp) <= max(size, tolerance):  # otherwise it leads away
-                    x, p = x + dx, p + dp
             if options.detect_branch_points and not precise and (kept or size > SIGN_DISTANCE):
                 at = linearise(problem, x, p)
                 bordered, kept = border(problem, x, p, at, row), False
             u, a = solve(bordered, np.zeros_like(x), 1.0, p)
-            if kept or problem.delicate or (precise and size > tolerance):
+            if kept or (precise and size > tolerance):
                 u, a = _refined(problem, row, bordered, (x, p, u, a), (metric, close))
-            problem.corrected(x, p, partial(_at_fixed_parameter, bordered, (u, a)))
             return Corrected(x, p, u, a, bordered, first, worst, size if rounded else 0.0)
         previous = size
         kept = keeps and size < SMALL_CORRECTION and (grows or contraction < (STALL_RATIO if kept else trusted))
@@ -255,12 +249,6 @@ def _refined(
         if metric.norm(problem, du, da) <= share * metric.norm(problem, u, a):
             break
     return u, a
-
-
-def _at_fixed_parameter(bordered: Bordered, tangent: Direction, f: Array) -> Array:
-    """Solve J v = f with a bordered matrix and its tangent, J u = −a Fp."""
-    v, b = bordered.solve(f, 0.0)
-    return v - b / tangent[1] * tangent[0]
 
 
 def residual_terms(at: Linearisation, x: Array, p: float) -> Array:

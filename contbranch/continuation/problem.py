@@ -82,12 +82,9 @@ class Problem(ABC):
     ordered : bool
         Whether the parameter changes one way along the curve, and so is a coordinate on it: a step that turns it is
         repeated shorter.
-    delicate : bool
-        Whether rounding in factorised matrices spoils every point, so that all are refined by `product`.
     """
 
     ordered: bool = False
-    delicate: bool = False
 
     @abstractmethod
     def residual(self, x: Array, p: float) -> Array:
@@ -121,15 +118,11 @@ class Problem(ABC):
         """Return residual, Jacobian and parameter derivative together, for problems where they share work."""
         return Linearisation(self.residual(x, p), self.jacobian(x, p), self.parameter_derivative(x, p))
 
-    def negligible(self, x: Array, p: float) -> float:
-        """Return a size of states, changes far below which do not shorten steps from here."""
-        return 0.0
-
     def product(self, x: Array, p: float) -> Callable[[Array], Array]:
         """Return what multiplies a vector by dF/dx at little cost, and with as small rounding errors as that allows.
 
         With it, or with a sparse Jacobian, accurate points and tangents need no factorisation of their own: the one of
-        a point next to them serves, see `delicate`. Default: the Jacobian.
+        a point next to them serves. Default: the Jacobian.
         """
         together = type(self).jacobian is Problem.jacobian and type(self).linearise is not Problem.linearise
         jacobian = self.linearise(x, p).jacobian if together else self.jacobian(x, p)
@@ -193,13 +186,6 @@ class Problem(ABC):
     def farthest(self, p: float) -> float:
         """Return the largest change of the parameter in a step from p. Default: infinite."""
         return math.inf
-
-    def corrected(self, x: Array, p: float, solve: Callable[[Array], Array]) -> None:
-        """Take note of a point that was found; `solve` gives v with dF/dx v = f there, nearly, at little cost.
-
-        Default: nothing. For problems that estimate the errors of their discretisation in `examine` and `adapt`.
-        """
-        return
 
     def adapt(self, x: Array, p: float) -> Adaptation | Array | None:
         """Offer a better discretisation after an accepted point; None (the default) keeps the present one.

@@ -13,7 +13,7 @@ from contbranch.continuation.curve import Outcome, Point
 from contbranch.continuation.metric import Metric
 from contbranch.continuation.newton import Corrected, CorrectionError, correct, evaluating, tangent_at
 from contbranch.continuation.options import Options
-from contbranch.continuation.problem import Adaptation, Array, Direction, Problem, size_of
+from contbranch.continuation.problem import Adaptation, Direction, Problem, size_of
 from contbranch.continuation.segment import Segment
 
 
@@ -177,7 +177,7 @@ def adapted(
     if problem.ordered or min(abs(before), abs(after)) > NEARLY_VERTICAL * metric.parameter_scale:
         turned = before * after < 0.0
     else:  # the state's own rate may not have been resolved, and less so as the discretisation moves through it
-        turned = offer.moved is not None and _agreement(point, offer, found.tangent_x, after) < 0.0
+        turned = offer.moved is not None and _agreement(point, found) < 0.0
     if turned:
         found = found.turned()
     return examined(found, label=point.label), carry
@@ -215,20 +215,20 @@ def _direction(point: Point, offer: Adaptation, metric: Metric) -> Direction:
     if abs(old) > NEARLY_VERTICAL * metric.parameter_scale:
         same = (a > 0) == (old > 0)
     else:
-        same = _agreement(point, offer, u, a) >= 0
+        same = _agreement(point, Point(offer.problem, offer.x, point.parameter, u, a)) >= 0
     return (u, a) if same else (-u, -a)
 
 
-def _agreement(point: Point, offer: Adaptation, u: Array, a: float) -> float:
+def _agreement(before: Point, after: Point) -> float:
     """Return how well two tangents agree, by the changes of the observables along them (and of the parameter)."""
-    with evaluating(point.parameter, " in adapt"):
-        before = _changes(point.problem, point.x, point.parameter, point.tangent_x, point.tangent_parameter)
-        after = _changes(offer.problem, offer.x, point.parameter, u, a)
-    return sum(before[name] * after[name] for name in before if name in after)
+    with evaluating(before.parameter, " in adapt"):
+        one, other = _changes(before), _changes(after)
+    return sum(one[name] * other[name] for name in one if name in other)
 
 
-def _changes(problem: Problem, x: Array, p: float, u: Array, a: float) -> dict[str, float]:
+def _changes(point: Point) -> dict[str, float]:
     """Return the directional derivatives of the observables, scaled to values of order one, and of the parameter."""
+    problem, x, p, u, a = point.problem, point.x, point.parameter, point.tangent_x, point.tangent_parameter
     size = math.sqrt(problem.inner(u, u) + a * a)
     step = 1e-6 * max(1.0, size_of(problem, x)) / size
     above, below = problem.observables(x + step * u, p + step * a), problem.observables(x - step * u, p - step * a)

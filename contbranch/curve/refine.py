@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -282,12 +281,6 @@ def _along(point: Point, length: float) -> Array:
 
 def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Place]:
     """Where to begin: on discretisations made for the event, and on the point's own, which may turn out better."""
-    own = equilibrium(point)
-    if own.moves:  # what resolves the event itself would not resolve the way to it
-        with suppress(CorrectionError, ModelError):  # the whole that moves serves as well
-            point = _located(_Place(point), event, accuracy).point
-            yield _located(_Place(point), event, accuracy, own.close_to(point))
-        yield _Place(point)
     aimed = point
     try:
         for _ in range(RESOLVING_ROUNDS):
@@ -299,8 +292,7 @@ def _places(point: Point, event: Event | None, accuracy: float) -> Iterator[_Pla
         aimed = point
     if aimed is not point:
         yield _Place(aimed)
-    if not own.moves:
-        yield _Place(point)
+    yield _Place(point)
 
 
 def _best(place: _Place, event: Event | None, accuracy: float) -> Found | None:

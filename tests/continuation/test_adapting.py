@@ -142,31 +142,3 @@ def test_own_inner_product_measures_the_steps():
     reference = trace_curve(Bratu(50), np.zeros(50), 0.0, (0.0, 4.0), options)
     assert len(curve.points) == len(reference.points)
     np.testing.assert_allclose(curve.parameter, reference.parameter, rtol=1e-8)
-
-
-class Told(Bratu):
-    """Bratu's problem that is told of the points found."""
-
-    def __init__(self, *arguments):
-        super().__init__(*arguments)
-        self.told = []
-
-    def corrected(self, x, p, solve):
-        self.told.append((x, p, solve))
-
-
-@pytest.mark.parametrize("kind", ["dense", "sparse"])
-def test_a_problem_is_told_how_to_solve_at_the_points_found(kind):
-    """dF/dx v = f at fixed parameter, next to folds too, as exactly as the last matrix was close to the point."""
-    problem = Told(31, kind)
-    options = Options(largest_parameter_step=0.05, detect_branch_points=False)  # as models have it
-    curve = trace_curve(problem, np.zeros(31), 0.0, parameter_range=(0.0, 4.0), options=options)
-    assert curve.folds
-    assert len(problem.told) >= len(curve.x)
-    f = np.cos(np.arange(31.0))
-    for x, p, solve in problem.told:
-        jacobian = problem.jacobian(x, p)
-        jacobian = jacobian if isinstance(jacobian, np.ndarray) else jacobian.toarray()
-        exact = np.linalg.solve(jacobian, f)
-        if np.linalg.norm(exact) < 1e3 * np.linalg.norm(f):  # away from the fold, where the answer is infinite
-            assert solve(f) == pytest.approx(exact, rel=1e-2, abs=1e-2 * np.abs(exact).max())

@@ -159,9 +159,9 @@ def test_a_curve_that_a_mesh_does_not_resolve_is_followed_with_finer_ones(monkey
     """The events are those of a trace that asks for so much."""
     error = MeshedContact.relative_error
 
-    def unresolved(problem, x, p, enough=1.0, shown=False):
+    def unresolved(problem, x, p):
         given_up = problem.resolution.accuracy == 1e-4 and problem.fields(x, p).rim.radius > 1.0
-        return np.inf if given_up else error(problem, x, p, enough, shown)
+        return np.inf if given_up else error(problem, x, p)
 
     monkeypatch.setattr(MeshedContact, "relative_error", unresolved)
     coarse, fine = (cb.trace(cb.Contact.reduced(cb.Exponential, 1.0), accuracy=accuracy) for accuracy in (1e-4, 1e-6))

@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.curve.curves import FollowedCurves
-from contbranch.curve.problem import Defect
-from contbranch.curve.trace import Request
-from contbranch.models.axisymmetric.adapt import defect_error, finer_error
 
 QUANTITIES = ("load", "displacement", "contact_radius", "central_gap")
 
@@ -160,25 +156,6 @@ def test_narrow_windows_are_resolved(tabor, accuracy):
     fine = {event.name: event for event in sharp.folds("load")}
     assert fine["squeeze-out"].load - fine["wetting"].load == pytest.approx(width, rel=1e-2)
     assert touch.load <= wetting.load + touch.error["load"] or wetting.load < touch.load < squeeze.load
-
-
-def test_where_stiff_contacts_are_soft_the_finer_mesh_itself_tells_the_error():
-    """Against panels half as long. About to touch, a contact moves with ten digits less resistance than elsewhere, and
-    what coarse panels make of a finer mesh's residual is a hundred times too large."""
-    contact = cb.Contact.reduced("van-der-waals", 290.0)
-    track = FollowedCurves(contact, cb.Axisymmetric()).track(Request(1e-6))
-    excess = []
-    for point in [one for one in track.points if -0.05 < one.parameter < 0.0]:
-        problem, x, p = point.problem, point.x, point.parameter
-        halved = problem.halved(point, 0.0)
-        there = halved.values(halved.solve_at(problem.carried(x, x, p, halved), p), p)
-        true = Defect(*(b - a for a, b in zip(problem.values(x, p)[:2], there[:2], strict=True)), 0.0).relative(there)
-        by_finer, by_own = (f(*problem.seen(x, p)).relative(there) for f in (finer_error, defect_error))
-        if true > 1e-3 * problem.resolution.tolerance:  # far above rounding
-            assert 0.3 * true < by_finer < 10.0 * true
-            excess.append(by_own / true)
-    assert len(excess) > 3
-    assert max(excess) > 30.0
 
 
 class Parabolic(cb.Interaction):

@@ -15,8 +15,6 @@ from contbranch.continuation import CorrectionError
 from contbranch.control import LOAD
 from contbranch.curve import refine
 from contbranch.curve.events import FoldEvent
-from contbranch.models.axisymmetric.adapt import factorised
-from contbranch.models.axisymmetric.slope import load_per_displacement
 
 SOFTENING = 1.6956803312
 """C of dF/dd = 2a − C μ_T^(5/2) at a tiny contact of the soft Gauss repulsion; quadrature of 3∫[(H(0) − H(t))/t²]² dt
@@ -48,25 +46,6 @@ def test_a_small_fold_has_an_honest_error():
     coarse, fine = (wetting(cb.trace(contact, accuracy=accuracy, modes=0)) for accuracy in (1e-7, 1e-10))
     assert abs(coarse.contact_radius - fine.contact_radius) <= coarse.error["contact_radius"] <= 1e-7
     assert abs(coarse.load - fine.load) <= coarse.error["load"]
-
-
-def test_the_slope_at_a_fixed_rim_is_the_slope_of_the_curve():
-    """dF/dd from the response to a rigid motion against central differences of load and displacement in the radius."""
-    traced = Followed(cb.Contact.reduced(cb.Gauss, 1.0, -1), 1e-8, events=False)
-    problem = traced.points[-1].problem
-    u, x = traced.points[-1].parameter, traced.points[-1].x
-    ends = [problem.fields(problem.solve_at(x, u + step), u + step) for step in (-1e-4, 1e-4)]
-    loads, displacements = (
-        [observable(fields) for fields in ends]
-        for observable in (problem.equations.load, problem.equations.displacement)
-    )
-    fields = problem.fields(problem.solve_at(x, u), u)
-    found = load_per_displacement(problem.equations, fields)
-    assert found == pytest.approx(np.diff(loads)[0] / np.diff(displacements)[0], rel=1e-6)
-
-    for off in (1e-6, 0.05, 2.0):  # at once, after several corrections, and where those lead away
-        nearly = factorised(problem.jacobian(x * (1 + off), u))
-        assert load_per_displacement(problem.equations, fields, nearly) == pytest.approx(found, rel=1e-9)
 
 
 def assert_theory_allows(diagram: cb.Diagram) -> None:

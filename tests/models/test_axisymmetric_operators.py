@@ -280,8 +280,6 @@ def test_values_and_slopes_next_to_a_root(rooted):
     values = np.sqrt(away) * (1 + rooted.nodes)
     slopes = np.sqrt(away) + np.sign(rooted.nodes - e) * (1 + rooted.nodes) / (2 * np.sqrt(away))
     assert rooted.derivative(values)[near] * np.sqrt(away)[near] == pytest.approx((slopes * np.sqrt(away))[near])
-    row = np.cos(rooted.nodes)
-    assert rooted.derivative_dual(row) @ values == pytest.approx(row @ rooted.derivative(values))
     points = np.array([0.46, 0.55, 0.599, 0.6, 0.6001, 0.65, 0.71])
     exact = np.sqrt(np.abs(points - e)) * (1 + points)
     assert rooted.interpolate(values, points) == pytest.approx(exact, abs=1e-12)

@@ -179,7 +179,7 @@ def test_linearisation_is_that_of_differences(name: str, curves: dict[int, Track
     point = state_of(CASES[name], curves)
     problem, x, p = seen(point)[0], point.x, point.parameter
     n, random = problem.size, np.random.default_rng(3)
-    assert x.size - n == (len(problem.mesh.roots) if problem.front else 0)
+    assert x.size - n == (len(problem.mesh.roots) if problem.motion else 0)
     matrix = problem.jacobian(x, p)
     states = [np.append(random.standard_normal(n), np.zeros(x.size - n)) for _ in range(2)]
     for v in [*states, *np.eye(x.size)[n:]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.linalg import lapack
@@ -16,11 +16,15 @@ from .equations import Equations, Fields, felt
 from .mesh import Mesh
 
 __all__ = [
-    "Solver", "adapted_edges", "cuts", "defect_error", "factorised", "finer_error", "needed_reach", "panel_errors",
-    "roughness", "similar", "too_long",
-]  # fmt: skip
-
-Solver = Callable[[Array], Array]
+    "adapted_edges",
+    "cuts",
+    "defect_error",
+    "factorised",
+    "needed_reach",
+    "panel_errors",
+    "roughness",
+    "too_long",
+]
 
 # Ratio of the innermost panel to the one it is split from: the solution has a tau⁴ log tau term at the rim, whose
 # error falls with the fourth power of the panel's length, so few strongly graded panels suffice.
@@ -33,119 +37,36 @@ BESIDE_EDGES = 4.5
 SHORTEN = 0.9
 # Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
 STIFF = 1e5
-# Steps towards the solution on the finer mesh, by which its residual is to fall at least to this share.
-STEPS, CONTRACTS = 2, 0.5
-# ... the second one where the first is larger than its residual by this: where something gives way.
-SOFT = 4.0
-# With the finer mesh's own linearisation the second step may be larger than the first by no more than this.
-GROWS = 4.0
-# A matrix factorised next to a state serves for its error if its answer is wrong by no more than this share.
-SIMILAR = 1e-2
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
-# Edges of panels at which the gap is this close to the law's kink stay.
-AT_KINK = 1e-6
 
 
-def defect_error(equations: Equations, fields: Fields, solve: Solver | None = None) -> Defect:
-    """Steps towards the solution on ``mesh.finer``, with the present mesh's linearisation: the larger change of both.
+def defect_error(equations: Equations, fields: Fields) -> Defect:
+    """One step towards the solution on ``mesh.finer``, with the present mesh's linearisation.
 
     The solution is carried to the finer mesh, its residual there is brought back, and the correction it asks for
-    changes load and displacement; so do the finer mesh's own integrals. Where the present mesh does not resolve what
-    all but gives way, a film about to be squeezed out, its linearisation answers too stiffly: the second step, from
-    where the first one leads, tells. (Where a stiff film bears all load, it may lead away: then the residual grows.)
-
-    Parameters
-    ----------
-    solve : callable, optional
-        Solves linear systems with the Jacobian, if it is factorised already.
+    changes load and displacement; so do the finer mesh's own integrals.
     """
     mesh, fine_equations = equations.mesh, equations.finer
-    solve = solve or factorised(equations.jacobian(fields))
-    h, left, found = fields.h, math.inf, [(math.inf, math.inf, math.inf)]
-    for _ in range(STEPS):
-        fine = fine_equations.fields(mesh.to_finer @ h, fields.y)
-        residual = mesh.from_finer(fine.residual)
-        if not magnitude(residual) < left:
-            break
-        left = CONTRACTS * magnitude(residual)
-        step = -solve(residual)
-        if magnitude(fields.stiffness) * mesh.end > STIFF:  # rounding in the matrix would rule
-            step -= solve(residual + equations.multiplied(fields, step))
-        shift = float(equations.rim_row @ step)
-        displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
-        load = fine_equations.load(fine) - equations.load(fields)
-        load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
-        longer = fine_equations.mesh.nodes > mesh.end  # where h, carried over, is 0 and the residual all there is
-        load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
-        h = h + step
-        found.append((load, displacement, magnitude(h - fields.h)))
-        if not magnitude(step) > SOFT * magnitude(residual):
-            break
-    return Defect(*(max(column, key=abs) for column in zip(*(found[1:] or found), strict=True)))
+    fine = fine_equations.fields(mesh.to_finer @ fields.h, fields.y)
+    residual, solve = mesh.from_finer(fine.residual), factorised(equations.jacobian(fields))
+    step = -solve(residual)
+    if magnitude(fields.stiffness) * mesh.end > STIFF:  # rounding in the matrix would rule
+        step -= solve(residual + equations.multiplied(fields, step))
+    shift = float(equations.rim_row @ step)
+    displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
+    load = fine_equations.load(fine) - equations.load(fields)
+    load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
+    longer = fine_equations.mesh.nodes > mesh.end  # where h, carried over, is 0 and the residual all there is
+    load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
+    return Defect(load, displacement, magnitude(step))
 
 
-def finer_error(equations: Equations, fields: Fields) -> Defect | None:
-    """Steps to the solution on ``mesh.finer`` with that mesh's own linearisation: the larger change; None if they grow.
-
-    Where stiff contacts are soft the present mesh answers the residual on the finer one by motions up to some hundred
-    times too large: what a finer mesh adds is no such motion there. Close to singular, what a step leaves is rounding.
-    """
-    fine_equations = equations.finer
-    h = start = equations.mesh.to_finer @ fields.h
-    fine = fine_equations.fields(h, fields.y)
-    solve, last, found = factorised(fine_equations.jacobian(fine)), math.inf, []
-    for _ in range(STEPS):
-        step = -solve(fine.residual)
-        if not magnitude(step) < GROWS * last:
-            step = -factorised(fine_equations.jacobian(fine))(fine.residual)
-        h, size = h + step, magnitude(step)
-        if not size < GROWS * last:
-            return None
-        last = size
-        fine = fine_equations.fields(h, fields.y)
-        load = fine_equations.load(fine) - equations.load(fields)
-        displacement = fine_equations.displacement(fine) - equations.displacement(fields)
-        found.append((load, displacement, magnitude(h - start)))
-    return Defect(*(max(column, key=abs) for column in zip(*found, strict=True)))
-
-
-def similar(equations: Equations, fields: Fields, solve: Solver) -> Solver:
-    """What solves with the Jacobian of a state by one that was factorised next to it.
-
-    Where something all but gives way, that one is not soft alike: then its answer is corrected along what gives way as
-    the contact changes, as far as that leaves little of the residual.
-    """
-    slopes = equations.slopes(fields)[1]
-    given = solve(slopes)
-    answer = equations.multiplied(fields, given)
-    if _small(answer - slopes, slopes):
-        return solve
-    exact: Solver | None = None
-
-    def corrected(f: Array) -> Array:
-        nonlocal exact
-        if exact is None:
-            own = solve(f)
-            images = np.column_stack([equations.multiplied(fields, own), answer])
-            shares = np.linalg.lstsq(images, f)[0]
-            if _small(images @ shares - f, f):
-                return np.asarray(shares[0] * own + shares[1] * given)
-            exact = factorised(equations.jacobian(fields))
-        return exact(f)
-
-    return corrected
-
-
-def factorised(matrix: Array) -> Solver:
+def factorised(matrix: Array) -> Callable[[Array], Array]:
     """What solves with a matrix, which is overwritten."""
     factors, pivots, _ = lapack.dgetrf(matrix.T, overwrite_a=1)  # LAPACK stores by columns
     return lambda f: lapack.dgetrs(factors, pivots, f, trans=1)[0]
-
-
-def _small(off: Array, wanted: Array) -> bool:
-    return magnitude(off) < SIMILAR * magnitude(wanted)
 
 
 def roughness(equations: Equations, fields: Fields, edges: Array, within: float) -> Array:
@@ -201,6 +122,13 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
         tail = coefficients[:, -2:].max(axis=1)
         relative = np.divide(tail, largest, out=np.zeros_like(tail), where=largest > 0)
         total += 2 * np.pi * rho * length * weight * tail * np.minimum(1.0, 10 * relative)
+    # What is not smooth right beside an edge, with no node between, shows where the panels' polynomials meet.
+    ends = pressure.reshape(-1, n) @ rule.lagrange(np.array([-1.0, 1.0])).T
+    jump = np.zeros(len(edges))
+    jump[1:-1] = np.where(np.isin(edges[1:-1], mesh.edges[list(mesh.roots)]), 0.0, np.abs(ends[:-1, 1] - ends[1:, 0]))
+    jump *= np.minimum(1.0, 10 * jump / max(magnitude(pressure), 1e-300))
+    unseen = length * (1 + rule.nodes[0]) / 2
+    total += 2 * np.pi * rho * unseen * np.maximum(jump[:-1], jump[1:])
     misfit = magnitude(rule.to_even[-2:] @ profile[:n])
     response = min(2 * np.pi * float(mesh.weights @ (mesh.nodes * np.abs(fields.stiffness))), 2 * float(mesh.end))
     total[0] += misfit * response
@@ -231,7 +159,13 @@ def needed_reach(equations: Equations, fields: Fields, tolerance: float) -> floa
 
 
 def adapted_edges(
-    equations: Equations, fields: Fields, tolerance: float, reach: float, unit: Mesh, within: float = 0.0
+    equations: Equations,
+    fields: Fields,
+    tolerance: float,
+    reach: float,
+    unit: Mesh,
+    within: float = 0.0,
+    kept: Sequence[float] = (),
 ) -> Array:
     """Edges made from the mesh's own: panels with too large an error split, neighbours that one panel would serve
     merged.
@@ -246,6 +180,8 @@ def adapted_edges(
         What the mesh was stretched from, whose edges are adapted.
     within : float
         Radius within which panels have to be smooth besides.
+    kept : sequence of float
+        Edges of `unit` that stay.
     """
     share = tolerance / 6
     edges, stretch = unit.edges, equations.mesh.end / unit.end
@@ -264,10 +200,8 @@ def adapted_edges(
         edges, errors = edges[: keep + 1], errors[:keep]
     bad = errors > share
     bad |= too_long(edges, unit)
-    superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share, unit)
-    if math.isfinite(equations.kink):
-        gaps = equations.mesh.interpolate(fields.gap, stretch * edges)
-        superfluous = superfluous[np.abs(gaps[superfluous] - equations.kink) > AT_KINK * equations.kink]
+    free = ~np.isin(edges, [*_kept(unit), *kept])
+    superfluous = _mergeable(lambda edges: guide(stretch * edges), edges, errors, MERGE * share, unit, free)
     return np.sort(np.concatenate([np.delete(edges, superfluous), cuts(edges, unit)[bad]]))
 
 
@@ -307,9 +241,11 @@ def _kept(mesh: Mesh) -> Array:
     return mesh.edges[rooted | between]
 
 
-def _mergeable(guide: Callable[[Array], Array], edges: Array, errors: Array, share: float, mesh: Mesh) -> Indices:
-    """Inner edges, no two neighbouring and none to be kept, without which the panels' errors stay below `share`."""
-    small, free = errors < share, ~np.isin(edges, _kept(mesh))
+def _mergeable(
+    guide: Callable[[Array], Array], edges: Array, errors: Array, share: float, mesh: Mesh, free: Flags
+) -> Indices:
+    """Free inner edges, no two neighbouring, without which the panels' errors stay below `share`."""
+    small = errors < share
     candidates = [k for k in range(1, len(edges) - 1) if small[k - 1] and small[k] and free[k]]
     chosen: list[int] = []
     for k in candidates:

@@ -19,7 +19,7 @@ from contbranch.curve.events import Margin
 from contbranch.curve.problem import Succession, equilibrium, oriented
 from contbranch.errors import ModelError
 
-from .front import Edge
+from .breakpoints import EXTENT, Breakpoint
 from .laying import Functions, laid_edges, led_by
 from .layout import Layout, Region
 from .mesh import mesh_on
@@ -117,8 +117,8 @@ def laid(
     outside = radii[1:] if disc else radii
     regions = layout.regions[1:] if disc else layout.regions
     ends, edge = before.ends, None
-    if isinstance(problem.front, Edge):
-        edge = Edge(math.sqrt((old.tip.extent - a) * (old.tip.extent + a)), problem.front.film)
+    if problem.motion is not None and problem.motion.ends:
+        edge = Breakpoint(math.sqrt((old.tip.extent - a) * (old.tip.extent + a)), 0.0, 1.0, EXTENT)
     ends, roots = (np.sqrt(np.maximum((r - a) * (r + a), 0.0)) for r in (ends[ends >= a], outside))
     if not regions:  # a disc in an outermost band without pressure
         regions, layout = (Region(False, old.law.outermost),), replace(layout, bounded=False)
@@ -135,27 +135,23 @@ def laid(
     gap = before.central_gap
     y = equations.coordinate.of(a, gap) if disc else -gap
     fields = equations.fields(state, y)
-    front = led_by(equations, fields, edge)
-    tail = np.zeros(0 if front is None else 1 + len(front.creases))
-    found = replace(problem, equations=equations, front=front, vanishing=())
-    return found, np.append(state, tail), problem.parameter(y)
+    motion = led_by(equations, fields, edge)
+    found = replace(problem, equations=equations, motion=motion, vanishing=())
+    return found, np.append(state, np.zeros(len(motion.all) if motion else 0)), problem.parameter(y)
 
 
-def positions(problem: ContactProblem, x: Array) -> tuple[Array, Array, Array]:
-    """Places of the root edges from inside outwards, and their derivatives with respect to σ and to the creases."""
-    n, front = problem.size, problem.front
-    if front is None or not problem.mesh.roots:
-        return np.zeros(0), np.zeros(0), np.zeros((0, 0))
-    stretch, by = math.exp(float(x[n])), x[n + 1 :]
-    own = [(c.place + b, k) for k, (c, b) in enumerate(zip(front.creases, by, strict=True)) if c.root]
-    own += [(front.place, -1)] if front.root else []
-    own.sort()
-    moves = np.zeros((len(own), len(by)))
+def positions(problem: ContactProblem, x: Array) -> tuple[Array, Array]:
+    """Places of the root edges from inside outwards, (R,), and their rates with σ and b, (R, 1 + m)."""
+    motion = problem.motion_at(x)
+    if motion is None or not problem.mesh.roots:
+        return np.zeros(0), np.zeros((0, 0))
+    stretch = math.exp(float(x[problem.size]))
+    own = sorted((one.place, k) for k, one in enumerate(motion.all) if one.root)
+    places, moves = stretch * np.array([place for place, _ in own]), np.zeros((len(own), len(motion.all)))
+    moves[:, 0] = places
     for j, (_, k) in enumerate(own):
-        if k >= 0:
-            moves[j, k] = stretch
-    places = stretch * np.array([place for place, _ in own])
-    return places, places.copy(), moves
+        moves[j, k] = stretch if k else places[j]
+    return places, moves
 
 
 def solved(problem: ContactProblem, x: Array, p: float, row: Row) -> tuple[Array, float]:
@@ -179,8 +175,8 @@ def solved(problem: ContactProblem, x: Array, p: float, row: Row) -> tuple[Array
         if size < NEARLY:
             done = correct(problem, (x, p), row, metric, PRECISE)
             return done.x, done.parameter
-        places, by_stretch, moves = positions(problem, x)
-        change = by_stretch * dx[n] + moves @ dx[n + 1 :] if len(places) else np.zeros(0)
+        places, moves = positions(problem, x)
+        change = moves @ dx[n:] if len(places) else np.zeros(0)
         room = np.diff(places, prepend=0.0)
         share = min(1.0, ROOM / max(magnitude(np.diff(change, prepend=0.0) / room), 1e-300))
         before = magnitude(at[0])
@@ -240,19 +236,14 @@ def born(points: Sequence[Point]) -> Succession:
 
 def failed(points: Sequence[Point]) -> tuple[Point, int]:
     """Where the inequalities fail exactly, and how many of the points lie beyond: discs are followed with tolerance."""
-    if problem_of(points[-1]).divided or not problem_of(points[-1]).equations.contact:
-        return points[-1], 1
+    equations = problem_of(points[-1]).equations
     right = next((k for k in reversed(range(len(points))) if margin_of(points[k]) > 0.0), None)
-    if right is None:
-        raise ModelError("no admissible state was left")
-    start = points[right]
-    problem = equilibrium(start)
-    branch = follow(
-        start, problem.balance(start), Range(-math.inf, math.inf), problem.steps(start), [Margin("breach")], StopAt()
-    )
-    if not branch.points or branch.points[-1].label != "breach":
-        raise ModelError(f"where the contact set changes its inequality could not be told: {branch.end.message}")
-    return branch.points[-1], len(points) - 1 - right
+    if equations.mesh.roots or not equations.contact or right is None:
+        return points[-1], 1
+    event = along(points[right], narrowest(points[right]), [Margin("breach")])
+    if event.label != "breach":
+        raise ModelError("where the contact set changes its inequality could not be told")
+    return event, len(points) - 1 - right
 
 
 def begun(point: Point) -> Point:
@@ -322,9 +313,8 @@ def holding(edge: int) -> Callable[[ContactProblem, Array], Row]:
         disc = problem.equations.contact
         if edge < 0 and disc:
             return held, 1.0
-        _, by_stretch, moves = positions(problem, x)
+        _, rows = positions(problem, x)
         first = 0 if edge < 0 else edge - disc
-        rows = np.column_stack([by_stretch, moves])
         held[n:] = rows[first] if edge < 0 else rows[first + 1] - (rows[first] if first >= 0 else 0.0)
         return held, 0.0
 
@@ -428,10 +418,10 @@ def on_level(point: Point, index: int, radius: float) -> Point:
 def outermost_held(problem: ContactProblem, x: Array) -> Row:
     """What holds the outermost edge."""
     held, n = np.zeros(x.size), problem.size
-    _, by_stretch, moves = positions(problem, x)
-    if not len(by_stretch):
+    places, moves = positions(problem, x)
+    if not len(places):
         return held, 1.0
-    held[n], held[n + 1 :] = by_stretch[-1], moves[-1]
+    held[n:] = moves[-1]
     return held, 0.0
 
 
@@ -461,7 +451,7 @@ def vanished(points: Sequence[Point]) -> Succession:
         raise ModelError("a region vanished, but not where its inequality says")
     event = event.turned() if right else event
     kind, message = change(event, failing(event), growing=False)
-    if problem_of(event).equations.contact and not problem_of(event).divided:  # whose inequalities have a tolerance
+    if problem_of(event).equations.contact and not problem_of(event).mesh.roots:  # which is followed with tolerance
         return Succession(kind, event, (event,), message=message, margin="breach")
     start = joined if right else along(event, width, [], lambda found: margin_of(found) > 0)
     step = max(width, SHORTEST)
@@ -535,9 +525,6 @@ def failing(point: Point) -> Breach:
     problem = problem_of(point)
     equations, fields = problem.seen(point.x, point.parameter)
     breach = least_margin(equations, fields, problem.scale, problem.narrow_ring)
-    if breach is None and not (problem.divided or equations.contact):  # a dish within the first nodes
-        margin, radius = equations.admissibility(fields, problem.scale)
-        return Breach(margin, 0, radius, Region(True, 0))
     if breach is None:
         raise ModelError("where the contact set changes its inequality could not be told")
     if breach.region == 0 and equations.contact and breach.radius < CENTRAL * fields.rim.radius:
@@ -555,10 +542,8 @@ def uncertainty(point: Point) -> float:
     problem, at = problem_of(point), linearise(equilibrium(point), point.x, point.parameter)
     row = problem.metric(point.x).row(problem, point.tangent_x, point.tangent_parameter)
     dx, _ = solve(border(problem, point.x, point.parameter, at, row), -at[0], 0.0, point.parameter)
-    _, by_stretch, moves = positions(problem, point.x)
-    if not len(by_stretch):
-        return 0.0
-    return magnitude(by_stretch * dx[problem.size] + moves @ dx[problem.size + 1 :]) / narrowest(point)
+    places, moves = positions(problem, point.x)
+    return magnitude(moves @ dx[problem.size :]) / narrowest(point) if len(places) else 0.0
 
 
 def change(point: Point, breach: Breach, growing: bool) -> tuple[str, str]:

@@ -54,13 +54,8 @@ RIGID = 1e6
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
-# A minimum of the gap is deeper than this share of gap and displacement; places among which it is looked for between
-# nodes, and then among those next to the lowest, so many times: sampled once it would jump as the mesh changes.
-RIPPLE, BETWEEN, ZOOMS = 1e-9, 17, 5
 # Places on the innermost panel among which it is looked for around flat tips, and the first one's share of its length.
 CLOSE, CLOSEST = 60, 1e-4
-# Radii, in units of the contact's, at which the wall pressure is checked.
-PROBES = np.array([0.02, 0.3, 0.6, 0.8, 0.9])
 
 
 @dataclass(frozen=True)
@@ -672,10 +667,10 @@ class Equations:
         floats = [(a.index, b.index) for a, b in pairs if not (a.rests or b.rests) and a.index != b.index]
         return tuple(self.law.levels[max(pair)] for pair in floats)
 
-    @property
-    def kink(self) -> float:
-        """The first of them; infinite without."""
-        return self.kinks[0] if self.kinks else math.inf
+    @cached_property
+    def marks(self) -> tuple[float, ...]:
+        """The same, and the gaps between layers."""
+        return (*self.kinks, *self.law.layers)
 
     @cached_property
     def softens(self) -> bool:
@@ -688,20 +683,6 @@ class Equations:
         if self.interaction is None:
             return 0.0, 0.0
         return self.law.energy(self.level), self.law.bounds(self.level)[0]
-
-    def admissibility(self, fields: Fields, scale: float) -> tuple[float, float]:
-        """Smallest of gap/scale outside the disc and of the wall pressure inside relative to the interaction's largest,
-        and where.
-
-        Negative if a disc is wrong, or if the surfaces meet on a ring before they do at the centre; at most 1.
-        """
-        (lowest, place), a = self._lowest(fields), fields.rim.radius
-        least = min(1.0, lowest / scale)
-        if a > 0 and self.interaction is not None:
-            pressed = self.on_wall(fields, scale, float(self.inner_pressure(fields, a * PROBES).min()))
-            if pressed < least:
-                least, place = pressed, 0.0
-        return least, place
 
     def opening(self, fields: Fields, tau: Array) -> Array:
         """phi'(t)/t on the innermost panel, with ``phi = h + zeta − d``.
@@ -721,44 +702,15 @@ class Equations:
         right = np.flatnonzero(self.opening(fields, tau) >= 0.0)
         return 0.0 if right.size and right[0] == 0 else float(tau[right[0] if right.size else -1])
 
-    def on_wall(self, fields: Fields, scale: float, pressure: float) -> float:
-        """What the wall bears of a pressure, in units of the interaction's largest."""
-        own = self.contact_pressure()
-        return (pressure - own) / max(abs(own), magnitude(fields.pressure), 1 / scale)
-
-    def _lowest(self, fields: Fields) -> tuple[float, float]:
-        """The lowest interior minimum of the gap that is no ripple of rounding, and its radius; infinite without."""
-        gap, mesh, nodes = fields.gap, self.mesh, self.mesh.nodes
-        if self.tip.apex_exponent > 2.0 and fields.rim.radius == 0.0:  # it may be anywhere close to a flat apex
-            close = mesh.innermost * np.append(0.0, np.geomspace(CLOSEST, 1.0, CLOSE)[:-1])
-            bare = self.tip.height(nodes)
-            lifted = mesh.interpolate(np.where(np.isfinite(bare), gap - bare, 0.0), close) + self.tip.height(close)
-            gap, nodes = np.concatenate([lifted, gap[mesh.order :]]), np.concatenate([close, nodes[mesh.order :]])
-        if mesh.bounded:  # or at the edge of a tip
-            gap = np.append(gap, math.inf)
-        inner = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
-        if len(inner) == 0:
-            return math.inf, 0.0
-        lowest = inner[np.argmin(gap[inner])]
-        if not gap[lowest] < gap[:lowest].max() - RIPPLE * (abs(self._own_displacement(fields)) + abs(gap[lowest])):
-            return math.inf, 0.0
-        least, low, high = float(gap[lowest]), nodes[lowest - 1], [*nodes, mesh.end][lowest + 1]
-        for _ in range(ZOOMS):
-            places = np.linspace(low, high, BETWEEN)
-            between = mesh.interpolate(fields.gap, places)
-            k = int(between.argmin())
-            least, low, high = min(least, float(between[k])), places[max(k - 1, 0)], places[min(k + 1, BETWEEN - 1)]
-        return least, math.hypot(float(nodes[lowest]), fields.rim.radius)
-
     # -- stability ----------------------------------------------------------------------------------------------------
-    def unstable_modes(self, fields: Fields, finely: bool = True, least: float = 0.0) -> int:
+    def unstable_modes(self, fields: Fields, finely: bool = True) -> int:
         """Morse index under displacement control (m = 0): negative eigenvalues of the second variation, by inertia.
 
         The second variation of the energy divided by 2E, ``W + π planeᵀ (rho v'' w) plane`` with ``W = w dt/dtau``: a
         sum of congruences, so that a stiff film (v'' > 0) can never look unstable, however coarse the mesh. The trial
         functions
         are this mesh's polynomials; their gap has half-order edges at the panels' ends, so it is integrated on the
-        finer one. Eigenvalues above −`least` do not count.
+        finer one.
         """
         mesh = self.mesh
         plane, fine_mesh, fine_fields = fields.rim.plane, mesh, fields
@@ -771,7 +723,7 @@ class Equations:
         stiffness = np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.rigid
         columns = range(0, mesh.size, mesh.order)
         matrix = lower_gram(scaled, stiffness, columns, fine_mesh.panel_starts(mesh.edges[:-1]))
-        matrix.flat[:: mesh.size + 1] += 1.0 + least
+        matrix.flat[:: mesh.size + 1] += 1.0
         return negative_eigenvalues(matrix)
 
 

@@ -14,6 +14,9 @@ from contbranch.contact.interactions import Interaction, MaugisDugdale, Response
 
 __all__ = ["BandedLaw"]
 
+# Places a wavelength at which layers are looked for, as far as the energy per area exceeds this share of the law's.
+PLACES_PER_WAVE, WEAKEST_LAYER = 64, 1e-3
+
 
 @dataclass(frozen=True)
 class BandedLaw:
@@ -47,6 +50,16 @@ class BandedLaw:
     def levels(self) -> tuple[float, ...]:
         """Gaps at which the pressure jumps, increasing from 0, the wall's."""
         return (0.0, *sorted({term.range for term in self._steps}))
+
+    @cached_property
+    def layers(self) -> tuple[float, ...]:
+        """Gaps between layers of the fluid, where the smooth law gives way most, from far away inwards."""
+        if self.smooth is None or math.isinf(wave := self.smooth.wave):
+            return ()
+        gaps = np.arange(0.0, self.smooth.reach(WEAKEST_LAYER), wave / PLACES_PER_WAVE)
+        stiffness = self.smooth.evaluate(gaps).stiffness
+        least = (stiffness[1:-1] < stiffness[:-2]) & (stiffness[1:-1] <= stiffness[2:]) & (stiffness[1:-1] < 0.0)
+        return tuple(gaps[1:-1][least][::-1].tolist())
 
     def holds(self, level: int) -> bool:
         """Whether the gap can rest at a level: at the wall, and where a repulsion ends."""

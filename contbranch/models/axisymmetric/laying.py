@@ -10,9 +10,8 @@ import numpy as np
 from contbranch.arrays import Array, magnitude
 from contbranch.contact.interaction_law import terms_of
 
-from .creases import KINK, Crease, apart
+from .breakpoints import LIFTED, RESTING, Breakpoint, Motion
 from .equations import Equations, Fields
-from .front import LIFTED, Edge, Front, Kink, Rest
 from .layout import Region
 
 __all__ = ["Functions", "laid_edges", "led_by"]
@@ -20,8 +19,6 @@ __all__ = ["Functions", "laid_edges", "led_by"]
 # Panels next to an edge of regions are this share of the way to the next one, and each farther away is longer by no
 # more than this factor; ends of panels of another mesh are kept where they are this share of the way from the others.
 BESIDE_EDGE, GROWTH, APART = 0.4, 4.0, 0.3
-# Keys of edges of what rests, below those of kinks.
-RESTING = KINK - 1000
 
 
 @dataclass(frozen=True)
@@ -94,35 +91,29 @@ def laid_edges(roots: Array, ends: Array, bounded: bool, end: float | None = Non
     return np.unique(edges)
 
 
-def led_by(equations: Equations, fields: Fields, edge: Edge | None = None) -> Front | Edge | None:
-    """What a mesh with regions moves with: the edge of the tip, or the outermost of theirs, leads it."""
-    if not equations.mesh.roots:
-        return edge
+def led_by(equations: Equations, fields: Fields, edge: Breakpoint | None = None) -> Motion | None:
+    """With what a mesh with regions moves: the edge of the tip, or the outermost of theirs, leads it."""
     mesh, law = equations.mesh, equations.law
+    if not mesh.roots:
+        return Motion(edge) if edge else None
     scale = min((term.range for term in terms_of(equations.interaction)), default=1.0)
-    places = mesh.edges[list(mesh.roots)]
-    lead = edge.place if edge else float(places[-1])
     # Where only a tiny disc is felt its radius counts all the same, or nothing would tell whether it is found.
     weight = max(float(mesh.weights @ fields.h**2), (LIFTED * scale) ** 2 * equations.tip.radius_at(scale))
     pressure = max(magnitude(fields.pressure), 1.0 / scale)
     regions: Sequence[Region] = [*equations.regions, Region(False, law.outermost)]
-    found: list[Crease] = []
-    for k, place in reversed(list(enumerate(places.tolist()))):
+    found: list[Breakpoint] = []
+    for k, place in reversed(list(enumerate(mesh.edges[list(mesh.roots)].tolist()))):
         inner, outer = regions[k : k + 2]
         if inner.rests or outer.rests:
-            found.append(Crease(place, np.inf, -1 if inner.rests else -2, 0.0, pressure, 0.0, RESTING - k, True))
+            side = -1 if inner.rests else 1
+            one = Breakpoint(place, pressure, pressure, RESTING - k, weight / place**2, side, True)
         else:
-            level = max(inner.index, outer.index)
-            key = KINK - equations.kinks.index(law.levels[level])
-            while key in [one.key for one in found]:  # farther in, at another place
-                key -= len(equations.kinks)
-            found.append(Crease(place, np.inf, 0, law.levels[level], scale / place, 0.0, key, True))
-    last, *others = found
+            gap = law.levels[max(inner.index, outer.index)]
+            key = equations.marks.index(gap)
+            while key in [other.key for other in found]:  # farther in, at another place
+                key += len(equations.marks)
+            one = Breakpoint(place, gap, scale / place, key, weight / place**2, 0, True)
+        found.append(one)
     if edge:
-        others = found
-    creases = tuple(one.stretched(1.0, weight) for one in apart(others, (lead, mesh.innermost)))
-    if edge:
-        return replace(edge, creases=creases)
-    if last.order < 0:
-        return Rest(lead, pressure, lead, weight, 0.0, creases, True, last.order == -2)
-    return Kink(lead, last.value, lead, weight, 0.0, creases, True)
+        return Motion(edge, tuple(found))
+    return Motion(replace(found[0], weight=weight), tuple(found[1:]))

@@ -436,11 +436,6 @@ class Mesh:
                 parts.append((places[k], found[k]))
         return np.concatenate([one[0] for one in parts]), np.concatenate([one[1] for one in parts])
 
-    def derivative_dual(self, values: Array) -> Array:
-        """What `derivative` multiplies a row of nodal values by, (N,)."""
-        own = values.reshape(self.panels, self.order) / self.scale
-        return (own @ self.rule.derivative).ravel()
-
     def row(self, place: float, beyond: bool = False) -> tuple[slice, Array]:
         """The nodes of the panel on which a place lies, of two the inner one unless `beyond`, and their weights in a
         value there."""

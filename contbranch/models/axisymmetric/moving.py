@@ -10,20 +10,18 @@ from typing import Self
 
 import numpy as np
 
-from contbranch.arrays import Array, magnitude
+from contbranch.arrays import Array
 from contbranch.contact.contact import Contact
 from contbranch.continuation import Linearisation
 from contbranch.curve.problem import Defect, EquilibriumProblem, Work
 
-from .adapt import Solver
-from .creases import AstrayError, Crease, Row, moved_with, velocities
+from .breakpoints import AstrayError, Breakpoint, EdgeRow, Motion, Row, moved_with
 from .equations import RECENT, Equations, Fields
-from .front import Edge, Front
 
 __all__ = ["MovingContact", "Resolution", "order_for"]
 
-# ln of the largest stretch of a mesh; a pivot below this share of its column says that the front alone moves.
-FARTHEST, TINY_PIVOT = 30.0, 1e-12
+# ln of the largest stretch of a mesh.
+FARTHEST = 30.0
 
 
 @dataclass
@@ -43,7 +41,7 @@ class Resolution:
     far : float
         Parameter at which the curve starts.
     moving : float
-        Radius over which the interaction is felt, where meshes may move with a front: where a whole curve is followed.
+        Radius over which the interaction is felt, where meshes may move: where a whole curve is followed.
     """
 
     tolerance: float
@@ -74,40 +72,35 @@ class MovingContact(EquilibriumProblem):
     resolution : Resolution
     sharpness : float
         Factor by which the panels' own error guide was found too optimistic here.
-    front : Front, Edge or None
-        With it a state is (h e^(−nσ), σ, b), and h belongs to the mesh of `equations` with the front's creases moved
-        by b, stretched by e^σ; n is the front's `power`.
+    motion : Motion or None
+        With it a state is (h e^(−nσ), σ, b), and h belongs to the mesh of `equations` with its breakpoints moved by b,
+        stretched by e^σ; n is its `power`.
     """
 
     equations: Equations
     scale: float
     resolution: Resolution
     sharpness: float = 1.0
-    front: Front | Edge | None = None
+    motion: Motion | None = None
 
     def __post_init__(self) -> None:
-        equations, front = self.equations, self.front
+        equations, motion = self.equations, self.motion
         self.mesh = mesh = equations.mesh
         law = equations.interaction
         # Where the film is squeezed out on a ring, round a flat tip, below a bump or at an edge, the central gap may
         # grow again.
         layered = law is not None and math.isfinite(law.wave)
         uneven = self.flat or math.isfinite(equations.tip.table_end)
-        self.ordered = not (layered or uneven or isinstance(front, Edge))
-        weights = mesh.weights if front is None else front.weights(mesh)
+        self.ordered = not (layered or uneven or (motion is not None and motion.ends))
+        weights = mesh.weights if motion is None else motion.weights(mesh)
         self._weights = np.insert(weights, mesh.size, np.zeros(len(equations.resting)))
-        self.creases = () if front is None else front.creases
-        self._carried = velocities(self.creases, front.resting, mesh) if front and self.creases else None
+        self.others = () if motion is None else motion.others
+        self._carried = (
+            motion.velocities(mesh, equations.contact and not mesh.roots) if motion and self.others else None
+        )
         self._placed: list[tuple[Array, Equations]] = []
-        self.film = front if front and front.film and equations.softens else None
-        self.delicate = self.film is not None
-        self._slopes = self.film.slopes(mesh) if self.film else None
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
-        self._corrected: tuple[Array, Solver] | None = None
-        # The last state whose error was estimated, and whether a finer mesh may find less.
-        self._judged: tuple[Array, float, Defect, bool] | None = None
-        self._shown = math.inf, 0  # what share of an estimate care has left, and how often that still counts
-        self._row = math.nan  # parameter of the last row that was resolved
+        self._judged: tuple[Array, float, Defect] | None = None  # the last state whose error was estimated
         self.work = self.resolution.work
         self.work.unknowns = max(self.work.unknowns, equations.size)
 
@@ -123,7 +116,7 @@ class MovingContact(EquilibriumProblem):
     def seen(self, x: Array, u: float) -> tuple[Equations, Fields]:
         """Everything that follows from a state, and the equations on its mesh."""
         y = self.coordinate(u)
-        if self.front is None:
+        if self.motion is None:
             return self.equations, self.equations.fields(x, y)
         for state, place, equations, fields in self._seen:
             if state is x and place == y:
@@ -136,7 +129,7 @@ class MovingContact(EquilibriumProblem):
         return equations, fields
 
     def placed(self, x: Array) -> Equations:
-        """The equations on the mesh with its creases where a state has them, before it is stretched."""
+        """The equations on the mesh with its breakpoints where a state has them, before it is stretched."""
         by = x[self.size + 1 :]
         if self._carried is None or not by.any():
             return self.equations
@@ -147,15 +140,13 @@ class MovingContact(EquilibriumProblem):
         return known
 
     def growth(self, x: Array) -> float:
-        """e^(nσ): what a state grows by where it keeps its shape as the front moves."""
-        if self.front is None:
-            return 1.0
-        return float(self._stretch(x) ** self.front.power)
+        """e^(nσ): what a state grows by where it keeps its shape as the mesh is stretched."""
+        return 1.0 if self.motion is None else float(self._stretch(x) ** self.motion.power)
 
     def _stretch(self, x: Array) -> float:
         sigma = float(x[self.size])
         if not abs(sigma) < FARTHEST:
-            raise AstrayError("the front has left the mesh")
+            raise AstrayError("the leading breakpoint has left the mesh")
         return math.exp(sigma)
 
     def fields(self, x: Array, u: float) -> Fields:
@@ -163,23 +154,22 @@ class MovingContact(EquilibriumProblem):
         return self.seen(x, u)[1]
 
     def residual(self, x: Array, p: float) -> Array:
-        """Residual R, (N,), and how far the front and the creases are from their places, (1 + m,); e^(−nσ) times."""
+        """Residual R, (N,), and how far the breakpoints are from their places, (1 + m,); e^(−nσ) times."""
         equations, fields = self.seen(x, p)
-        if self.front is None:
+        if self.motion is None:
             return fields.residual
-        off = [self.front.off(self.mesh, equations, fields, float(x[self.size]))]
-        off += [row.off(fields) for row in self._rows]
+        off = [row.off(equations, fields, float(x[self.size])) for row in self.rows]
         return np.append(fields.residual, off) / self.growth(x)
 
     @cached_property
-    def _rows(self) -> list[Row]:
-        """What says how far creases are off."""
-        return [crease.row(self.mesh, self.equations) for crease in self.creases]
+    def rows(self) -> list[Row | EdgeRow]:
+        """The equations of the breakpoints."""
+        return [] if self.motion is None else [one.row(self.mesh, self.equations) for one in self.motion.all]
 
     def jacobian(self, x: Array, p: float) -> Array:
-        """dR/dx, (N, N); with a front bordered by the derivatives with respect to σ and those of its equation."""
+        """dR/dx, (N, N); bordered, where the mesh moves, by what `_border` gives."""
         equations, fields = self.seen(x, p)
-        if self.front is None:
+        if self.motion is None:
             return equations.jacobian(fields)
         n, (rows, columns, corner) = self.size, self._border(x, p)
         matrix = np.empty((x.size, x.size))
@@ -188,8 +178,8 @@ class MovingContact(EquilibriumProblem):
         return matrix
 
     def _border(self, x: Array, p: float) -> tuple[Array, Array, Array]:
-        """What borders dR/dh: the derivatives of the equations of front and creases, (1 + m, N), those with respect to
-        σ and to the motions of the creases, (N, 1 + m), and the corner.
+        """What borders dR/dh: the derivatives of the breakpoints' equations, (1 + m, N), those with respect to their
+        motions, (N, 1 + m), and the corner.
 
         At a solution R vanishes between the nodes, too: where they move to, it is what h no longer is there.
         """
@@ -202,37 +192,33 @@ class MovingContact(EquilibriumProblem):
     def _bordered(
         self, equations: Equations, fields: Fields, residual: Array, growth: float
     ) -> tuple[Array, Array, Array]:
-        assert self.front is not None
-        unit, n, count = self.mesh, self.size, 1 + len(self.creases)
-        rows, corner = np.empty((count, n)), np.zeros((count, count))
-        rows[0], corner[0, 0], _ = self.front.derivatives(unit, equations, fields)
-        lift, stretched = equations.spread(fields, self.front.power)
-        columns = stretched[:, None]
-        for k, row in enumerate(self._rows, 1):
-            rows[k], corner[k, 0] = row.by_state(equations, fields), row.by_gap(lift)
-        if self.creases:
+        assert self.motion is not None
+        n, power = self.size, self.motion.power
+        rows = np.array([row.by_state(equations, fields) for row in self.rows])
+        corner = np.zeros((len(rows), len(rows)))
+        corner[:, 0] = [row.by_stretch(equations, fields, power) for row in self.rows]
+        columns = equations.spread(fields, power)[1][:, None]
+        if self.others:
             gaps, taken = equations.drift(fields, *self._motion(equations))
-            corner[0, 1:] = self.front.passing(unit, equations, gaps)
-            corner[1:, 1:] = [row.by_gap(gaps) for row in self._rows]
-            columns = np.column_stack([stretched, taken.T])
+            corner[:, 1:] = [row.by_gap(gaps) for row in self.rows]
+            columns = np.column_stack([columns, taken.T])
         columns, corner = columns / growth, corner / growth
-        columns[:, 0] -= self.front.power * residual[:n]
-        corner[:, 0] -= self.front.power * residual[n:]
+        columns[:, 0] -= power * residual[:n]
+        corner[:, 0] -= power * residual[n:]
         return rows, columns, corner
 
     def _motion(self, equations: Equations) -> tuple[Array, Array]:
-        """Rates of the edges and targets of a mesh with the motions of the creases, (m, P + 1) and (m, N + R)."""
+        """Rates of the edges and targets of a mesh with the motions of the others, (m, P + 1) and (m, N + R)."""
         assert self._carried is not None
         stretch = equations.mesh.end / self.mesh.end
         return stretch * self._carried[0], stretch * self._carried[1]
 
     def parameter_derivative(self, x: Array, p: float) -> Array:
-        """dR/du, (N,), and that of the front's equation."""
+        """dR/du, (N,), and those of the breakpoints' equations."""
         equations, fields = self.seen(x, p)
         residual = equations.slopes(fields)[1]
-        if self.front is not None:
-            off = [self.front.derivatives(self.mesh, equations, fields)[2]]
-            off += [float(row.by_gap(equations.slopes(fields)[0])) for row in self._rows]
+        if self.motion is not None:
+            off = [row.by_coordinate(equations, fields) for row in self.rows]
             residual = np.append(residual, off) / self.growth(x)
         return residual * (self.scale * math.cosh(p))
 
@@ -247,29 +233,29 @@ class MovingContact(EquilibriumProblem):
     def product(self, x: Array, p: float) -> Callable[[Array], Array]:
         """What multiplies by dR/dx, without that matrix."""
         equations, fields = self.seen(x, p)
-        if self.front is None:
+        if self.motion is None:
             return partial(equations.multiplied, fields)
         n, (rows, columns, corner) = self.size, self._border(x, p)
         return lambda v: np.append(equations.multiplied(fields, v[:n]) + columns @ v[n:], rows @ v[:n] + corner @ v[n:])
 
     def moving(self, x_rate: Array, x: Array) -> Array:
         """The rate of h where it is, (N,), of a direction of states: the mesh moves through it."""
-        if self.front is None:
+        if self.motion is None:
             return x_rate
         n = self.size
         return self.growth(x) * (x_rate[:n] - self._passing(x) @ x_rate[n:])
 
     def _passing(self, x: Array) -> Array:
-        """Rates of h, as a state has it, with σ and the motions of the creases where nothing changes but the mesh."""
-        assert self.front is not None
+        """Rates of h, as a state has it, with the motions of the breakpoints where nothing changes but the mesh."""
+        assert self.motion is not None
         state, placed = x[: self.size], self.placed(x)
         slope, nodes = placed.sloped(state), placed.with_resting(placed.mesh.nodes)
-        creases = () if self._carried is None else map(placed.with_resting, self._carried[1][:, : self.mesh.size])
-        return np.column_stack([nodes * slope - self.front.power * state, *(rate * slope for rate in creases)])
+        others = () if self._carried is None else map(placed.with_resting, self._carried[1][:, : self.mesh.size])
+        return np.column_stack([nodes * slope - self.motion.power * state, *(rate * slope for rate in others)])
 
     def following(self, x_rate: Array, x: Array, p: float, p_rate: float) -> Array:
-        """The same direction as one that goes with a mesh at rest, with the mesh moving as its front does."""
-        if self.front is None:
+        """The same direction as one that goes with a mesh at rest, with the mesh moving as its breakpoints do."""
+        if self.motion is None:
             return x_rate
         n, taken = self.size, self._passing(x)
         rows, _, corner = self._border(x, p)
@@ -279,53 +265,35 @@ class MovingContact(EquilibriumProblem):
 
     def still(self, x: Array) -> tuple[Self, Array]:
         """The problem on the mesh of a state, which stays as it is, and the state."""
-        if self.front is None:
+        if self.motion is None:
             return self, x
         placed, n = self.placed(x), self.size
         equations = placed.on(placed.mesh.stretched(math.exp(float(x[n]))))
-        return replace(self, equations=equations, front=None), self.growth(x) * x[:n]
+        return replace(self, equations=equations, motion=None), self.growth(x) * x[:n]
 
     def inner(self, u: Array, v: Array) -> float:
-        """∫ u v dtau, which does not know the mesh, and the front's share; in a pressed film also of slopes."""
+        """∫ u v dtau, which does not know the mesh, and the breakpoints' share."""
         return float(self.dual(u) @ v)
 
     def dual(self, u: Array) -> Array:
         """Vector whose product with v is inner(u, v)."""
-        found = self._weights * u
-        if self._slopes is not None:
-            mesh = self.mesh
-            found[: mesh.size] += mesh.derivative_dual(self._slopes * mesh.derivative(u[: mesh.size]))
-        return found
+        return self._weights * u
 
     def direction(self, x: Array, p: float) -> tuple[Array, float]:
         """A tangent of the curve where the parameter is monotone: (dh/du, 1)."""
         rate = np.linalg.solve(self.jacobian(x, p), -self.parameter_derivative(x, p))
         return np.asarray(rate, dtype=np.float64), 1.0
 
-    def _solver(self, x: Array) -> Solver | None:
-        """What solves with dR/dh at the point found last; None at any other."""
-        found, solve = self._corrected or (None, None)
-        if found is not x or solve is None or self.front is None:
-            return solve if found is x else None
-        n, solved = self.size, solve
-        pushed = np.column_stack([solve(one) for one in np.eye(x.size)[n:]])
-        if not float(np.linalg.svd(pushed[n:], compute_uv=False)[-1]) > TINY_PIVOT * magnitude(pushed):
-            return None
+    def others_at(self, x: Array) -> tuple[Breakpoint, ...]:
+        """The other breakpoints where a state has them, on its mesh before that is stretched."""
+        moved = zip(self.others, x[self.size + 1 :], strict=False)
+        return tuple(replace(one, place=one.place + b) for one, b in moved)
 
-        def held(f: Array) -> Array:  # with the mesh where it is
-            answer = solved(np.append(f, np.zeros(x.size - n)))
-            return answer[:n] - pushed[:n] @ np.linalg.solve(pushed[n:], answer[n:])
-
-        return held
-
-    def corrected(self, x: Array, p: float, solve: Solver) -> None:
-        """Keep what the next error estimate is made with."""
-        self._corrected = x, solve
-
-    def _creases_at(self, x: Array) -> tuple[Crease, ...]:
-        """The creases where a state has them, on its mesh before it is stretched."""
-        by = x[self.size + 1 :]
-        return tuple(replace(crease, place=crease.place + b) for crease, b in zip(self.creases, by, strict=True))
+    def motion_at(self, x: Array) -> Motion | None:
+        """The motion with its other breakpoints where a state has them."""
+        if self.motion is None or not self.others:
+            return self.motion
+        return replace(self.motion, others=self.others_at(x))
 
     @property
     def size(self) -> int:

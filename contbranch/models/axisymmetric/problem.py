@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice, pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -42,31 +42,27 @@ from contbranch.models.quadrature import start_edges
 from contbranch.results.diagram import ModeShape, Profile
 
 from .azimuthal import counted, eigenvalues, mode_shape
+from .breakpoints import Row
 from .changes import begun, born, narrowness, positions, problem_of, vanished
-from .creases import Crease, Row
 from .equations import ContactCoordinate, Equations, felt
-from .front import Edge, Front
 from .law import BandedLaw
 from .laying import Functions, laid_edges, led_by
 from .layout import Region
 from .mesh import mesh_on
-from .meshed import MOST, MeshedContact
+from .meshed import MeshedContact
 from .moving import Resolution, order_for
 from .profile import profile_of
 from .regions import least_margin, radii_of
 from .relaxation import Release
 from .search import search_from
-from .slope import load_per_displacement, rates_of_answer
 
 __all__ = ["ContactProblem", "first_problem"]
 
-# While tracing, a gap or a wall pressure may be this much below zero, in the interaction's own units: errors of the
-# discretisation close to the rim are not to look like a wall that pulls.
-TOLERATED = 1e-3
+# A disc is followed while gap and wall pressure, in the interaction's own units, are at most this much below zero: the
+# rings that come before discs under tips flatter than a parabola are shallower than that where a film attracts.
+PRESSURE_TOLERANCE = 1e-3
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
-# A law that begins with a stiffness does so abruptly where elasticity answers it within this share of a panel's length.
-ABRUPT = 0.1
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
 SOFTER = 0.05
 # ... and that of the interaction at the start where it ends with a kink.
@@ -81,14 +77,8 @@ LONGEST_IN_LAYERS = 0.15
 TURNING = 0.6
 # Changes of h small against the range of the interaction, over the width √(2 range), do not matter for the steps.
 STATE_FLOOR = 0.3
-# ... and farther away those that are small against the gap by this.
-FAR = 0.03
 # Estimates of the rows' errors are those of one Newton step on a finer mesh.
 ROW_SAFETY = 3.0
-# From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits
-# there, unless the displacement all but stands still: its rate must be at least this share of its parts, which may
-# both stand still, and this share of the largest rate of h.
-TINY, MOVING, AT_ALL = 1e-2, 0.1, 1e-3
 # Radius of a contact under a flat tip, as a share of the innermost panel; at least this multiple of the dish in which
 # the surfaces meet on a ring first. The displacement of a disc falls as that grows within the dish. Under a soft film
 # it is back at that of first touch, where the contact really goes on, at (n/2)^(1/(n − 2)) < √e radii of the dish. So
@@ -108,15 +98,6 @@ CALM = 10.0
 NOISE = 1e7
 # Share of a tip's extent up to which the contact may grow, and beyond which the gap closes at its edge.
 WHOLE, OUTERMOST = 0.999, 0.9
-# The rim of a contact in a stiff film rests where it is all but indifferent: eigenvalues up to this (of the elastic
-# energy's) are the discretisation's.
-INDIFFERENT = 1e-6
-# Share of the tolerance that such an eigenvalue takes.
-SHARPER = 1e-4
-# Changes of the state are measured in at least this multiple of the rounding errors of its slopes, or, where these do
-# not count, of its own: far more than what corrections stop at, which behind first touch of a stiff film is more than
-# the state changes.
-LOUD, LOUDER = 1e5, 1e3 * NOISE
 # Share by which a disc grows in the difference that tells how its pressure does.
 GROWN = 1e-4
 # Gaps at which a film's pressure is looked at; the gap of one that is pressed changes by less than this share of the
@@ -183,23 +164,14 @@ class ContactProblem(MeshedContact):
                 sharp = contact.axisymmetric_tip.apex_exponent < 2.0  # under which the load grows with few powers of r
                 edges = np.union1d(_graded(edges, first) if sharp else edges, first)
             else:
-                first, coarse = edges[1], edges
-                while (stiff := abs(float(law.evaluate(np.array([far])).stiffness[0])) * first) > ABRUPT:
-                    # Elasticity answers as soon as the law begins: the curve is followed from farther away.
-                    edges = edges if edges is not coarse else _graded(edges, first * ABRUPT / stiff)
-                    negligible *= ABRUPT / (2.0 * stiff)
-                    farther = law.reach(max(negligible, np.finfo(float).tiny))
-                    if farther == far:  # the end of the law
-                        break
-                    far = farther
                 if math.isfinite(law.wave):  # between two layers, as far from either's fold as can be
                     places = far + law.wave * BEFORE
                     far = float(places[np.abs(law.evaluate(places).stiffness).argmax()])
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
             u, ends = self.parameter(-max(far, self.scale)), law.ends
         self.resolution.far, x = u, np.zeros(problem.size)
-        if isinstance(front := problem._fronted(x, u), Edge):
-            problem, x = problem.anchored(front, x, u)
+        if (motion := problem.fitting(x, u)) is not None and motion.ends:
+            problem, x = problem.anchored(motion, x, u)
         problem, x = problem.resolved(problem.solve_at(x, u), u, self.resolution.tolerance)
         start = oriented(problem, x, u, (np.zeros(x.size), 1.0))
         return problem._nearer(start, self.parameter(-ends)) if self.parameter(-ends) > u else start
@@ -227,8 +199,7 @@ class ContactProblem(MeshedContact):
         """First scales; `step`: of the parameter, a kink at first touch long past, as it is where a contact begins, or
         of the edges of regions."""
         if self.mesh.roots and step is not None:
-            _, by_stretch, moves = positions(self, start.x)
-            motion = magnitude(by_stretch * start.tangent_x[self.size] + moves @ start.tangent_x[self.size + 1 :])
+            motion = magnitude(positions(self, start.x)[1] @ start.tangent_x[self.size :])
             length = step / max(motion, 1e-300) / STEPS.first_step
             state = math.sqrt(self.inner(start.tangent_x, start.tangent_x))
             return Balance(length * state, max(length * abs(start.tangent_parameter), 1e-9))
@@ -260,9 +231,6 @@ class ContactProblem(MeshedContact):
     def steps(self, start: Point) -> Options:
         """Far away a step may be long, since the elastic body answers little."""
         floor = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25
-        rough = start.x * (-1.0) ** np.arange(start.x.size)
-        loud = LOUD if self.film else LOUDER
-        floor = max(floor, loud * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
         steps = replace(STEPS, state_floor=floor, noise=NOISE)
         law = self.equations.interaction
         if law is not None and law.pieced and not self.equations.contact:
@@ -276,24 +244,13 @@ class ContactProblem(MeshedContact):
             return math.inf
         return LONGEST_IN_LAYERS * law.wave / (self.scale * math.cosh(p))
 
-    def negligible(self, x: Array, p: float) -> float:
-        """Far away what the elastic body answers is small against the gap, over the width of that."""
-        law, gap = self.equations.interaction, -self.coordinate(p)
-        if law is None or math.isfinite(law.wave) or not gap > self.scale:
-            return 0.0
-        return FAR * gap * math.sqrt(math.sqrt(2 * gap))
-
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """The inequality of contact closest to failing, and how far the narrowest region is from vanishing."""
         equations, fields = self.seen(x, p)
         extent = equations.tip.extent
-        if self.divided:
-            breach = least_margin(equations, fields, self.scale, self.narrow_ring)
-            known = {"inadmissible": 1.0 if breach is None else min(breach.margin, 1.0)}
-        else:
-            if "admissible" not in fields.derived:
-                fields.derived["admissible"] = equations.admissibility(fields, self.scale)
-            known = {"inadmissible": fields.derived["admissible"][0] + (TOLERATED if equations.contact else 0.0)}
+        breach = least_margin(equations, fields, self.scale, self.narrow_ring)
+        tolerated = PRESSURE_TOLERANCE if equations.contact and not self.mesh.roots else 0.0
+        known = {"inadmissible": 1.0 if breach is None else min(breach.margin, 1.0) + tolerated}
         known |= {"narrow": narrowness(self.vanishing, radii_of(equations, fields))} if any(self.vanishing) else {}
         return known if math.isinf(extent) else known | {"tip-edge": WHOLE - self._outermost(x, p) / extent}
 
@@ -319,23 +276,15 @@ class ContactProblem(MeshedContact):
         load, displacement, radius, gap = (share * max(1.0, abs(value)) for value in self.values(x, p)[:4])
         return load, displacement, radius, gap
 
-    @property
-    def divided(self) -> bool:
-        """Whether there may be more than a disc, so that the inequalities of all regions are asked for."""
-        return bool(self.mesh.roots) or len(self.equations.law.levels) > 1
-
     def cause(self, name: str, point: Point) -> str:
         """Next to the edge of a tip, a corner at which films are squeezed out first, no ring follows a disc."""
-        equations, fields = self.seen(point.x, point.parameter)
-        _, radius = equations.admissibility(fields, self.scale)
-        outside = radius > OUTERMOST * equations.tip.extent
-        return "tip-edge" if name == "inadmissible" and outside else name
+        if name != "inadmissible" or math.isinf(extent := self.equations.tip.extent):
+            return name
+        breach = least_margin(*self.seen(point.x, point.parameter), self.scale, self.narrow_ring)
+        return "tip-edge" if breach is not None and breach.radius > OUTERMOST * extent else name
 
     def margin(self, x: Array, p: float, name: str) -> float:
-        """Also the inequalities without tolerance, and the wall pressure in the middle, where discs open into rings."""
-        if name == "middle":
-            equations, fields = self.seen(x, p)
-            return equations.on_wall(fields, self.scale, equations.middle_pressure(fields))
+        """Also the inequalities of contact, not limited."""
         if name != "breach":
             return super().margin(x, p, name)
         breach = least_margin(*self.seen(x, p), self.scale, self.narrow_ring)
@@ -371,7 +320,7 @@ class ContactProblem(MeshedContact):
             step = None  # a dimple far smaller than the film touches
         start = begun(start) if self.mesh.roots else start
         starts = (start,) if start.label and not disc.flat else (*islice(disc.passed(start), 1), start)
-        return Succession("touch", last, starts, step=step, others=lambda: chain(disc.graded(h), disc.passed(start)))
+        return Succession("touch", last, starts, step=step, others=lambda: disc.passed(start))
 
     @property
     def _ahead(self) -> float:
@@ -382,7 +331,7 @@ class ContactProblem(MeshedContact):
     def _entered(self, before: Functions) -> Point:
         """The state in which the pressure has just jumped on a small disc in the middle, on its way to grow."""
         equations = before.equations
-        if isinstance(self.front, Edge):
+        if self.motion is not None and self.motion.ends:
             raise ModelError(
                 "The law is felt up to the edge of the tip, where its description ends: this model does not represent "
                 "that together with a pressure that jumps"
@@ -406,38 +355,34 @@ class ContactProblem(MeshedContact):
         mesh = mesh_on(edges, self.resolution.order, bounded, tuple(np.flatnonzero(np.isin(edges, roots)).tolist()))
         own = replace(equations, mesh=mesh, regions=(Region(False, band), *outer))
         h = before.transformed(mesh.nodes) + mesh.abel_of(np.where(mesh.nodes < size, jump, 0.0))
-        fields = own.fields(h, 0.0)
-        y = float(Row(*mesh.row(size), level).off(fields))
-        front = led_by(own, own.fields(h, y))
-        problem = replace(self, equations=own, front=front)
-        x, u = np.append(h, np.zeros(1 + len(front.creases) if front else 0)), self.parameter(y)
+        y = Row(*mesh.row(size), level).off(own, own.fields(h, 0.0), 0.0)
+        motion = led_by(own, own.fields(h, y))
+        problem = replace(self, equations=own, motion=motion)
+        x, u = np.append(h, np.zeros(len(motion.all) if motion else 0)), self.parameter(y)
         problem, x = problem.resolved(problem.solve_at(x, u), u, self.resolution.tolerance)
         return oriented(problem, x, u, (np.zeros(x.size), 1.0))
 
     def displaced(self, x: Array, p: float) -> tuple[Array, float]:
         """The derivatives of the displacement, as far as the mesh gives it."""
         row = self.equations.rim_row, self.rates(x, p, np.zeros(x.size), 1.0).displacement
-        if self.front is None:
+        if self.motion is None:
             return row
         return np.append(row[0] * self.growth(x), np.zeros(x.size - self.mesh.size)), row[1]
 
     def _behind(self) -> ContactProblem:
         """The problem on the other side of first touch."""
-        front = self.front if self.mesh.roots else None
+        motion = self.motion if self.mesh.roots else None
         other = self.equations.touching(not self.equations.contact)
-        return replace(self, equations=other, front=front, vanishing=())
+        return replace(self, equations=other, motion=motion, vanishing=())
 
     def across(self, x: Array, p: float) -> tuple[Point, ...]:
-        """First touch on the other side.
-
-        A stiff film answers a tiny contact on a length far below the innermost panel: then with graded panels.
-        """
+        """First touch on the other side."""
         if p != 0.0:
             return ()
         still, h = (self, x) if self.mesh.roots else self.still(x)
         other = still._behind()
         if other.equations.contact:
-            return other.touching(h), *other.graded(h)
+            return (other.touching(h),)
         return (other.touching(other.solve_at(h, 0.0)),)
 
     def touching(self, x: Array) -> Point:
@@ -446,7 +391,7 @@ class ContactProblem(MeshedContact):
         Labelled, unless the contact that has passed the kink of a stiff film was not found.
         """
         problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
-        problem, x = problem.anchored(problem._fronted(x, 0.0), x, 0.0)
+        problem, x = problem.anchored(problem.fitting(x, 0.0), x, 0.0)
         kinked = (problem.moves or bool(problem.mesh.roots)) and problem.resists(x)
         if kinked and (found := problem._beyond(x)):
             return found
@@ -456,8 +401,8 @@ class ContactProblem(MeshedContact):
     def ahead(self, x: Array) -> float:
         """Parameter of a contact that has long passed the kink at first touch x, seen from the front."""
         radius, mesh = SEEN, self.seen(x, 0.0)[0].mesh
-        if isinstance(self.front, Front):
-            radius *= self.front.place * self._stretch(x)
+        if self.motion is not None and not self.motion.ends:
+            radius *= self.motion.lead.place * self._stretch(x)
         if self.flat:
             radius = max(min(radius, DISHED * mesh.innermost), self._clear(x))
         return self._grown(radius)
@@ -593,93 +538,39 @@ class ContactProblem(MeshedContact):
         """Out there the tip feels next to nothing: its displacement is minus the gap, and so is a spring's position."""
         if control.kind == "load":
             return None
-        problem, u, none = replace(self, front=None), self.parameter(value), np.zeros(self.size)
+        problem, u, none = replace(self, motion=None), self.parameter(value), np.zeros(self.size)
         return oriented(problem, problem.solve_at(none, u), u, (none, 1.0))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Rates of load, displacement, contact radius and central gap along a direction."""
         equations, fields = self.seen(x, p)
         y_rate, h_rate, stretching, power = self.scale * math.cosh(p) * p_rate, x_rate, 0.0, 0.0
-        if self.front is not None:
+        if self.motion is not None:
             n = self.mesh.size
-            h_rate, stretching, power = self.growth(x) * x_rate[:n], float(x_rate[self.size]), self.front.power
+            h_rate, stretching, power = self.growth(x) * x_rate[:n], float(x_rate[self.size]), self.motion.power
         load, displacement = equations.rates(fields, h_rate, y_rate, stretching, power)
-        if self.creases:
+        if self.others:
             edges, nodes = (x_rate[self.size + 1 :] @ rates for rates in self._motion(equations))
             own = equations.drift_rates(fields, edges, nodes)
             load, displacement = load + own[0], displacement + own[1]
-        if 0.0 <= p < TINY and equations.interaction is not None and not equations.resting.size:
-            parts = abs(float(equations.rim_row @ h_rate))
-            if abs(displacement) > max(MOVING * parts, AT_ALL * magnitude(h_rate)):
-                load = self._slope(x, p) * displacement
         wall = 0.0
         if any(region.rests and not region.index for region in equations.regions):
-            places, by_stretch, moves = positions(self, x)
-            k = self._wall_edge
+            (places, moves), k = positions(self, x), self._wall_edge
             a, area = fields.rim.radius, equations.coordinate.slopes(fields.y)[1] * y_rate if equations.contact else 0.0
-            motion = by_stretch[k] * x_rate[self.size] + moves[k] @ x_rate[self.size + 1 :]
-            wall = (0.5 * area + places[k] * motion) / math.hypot(a, places[k])
+            wall = (0.5 * area + places[k] * (moves[k] @ x_rate[self.size :])) / math.hypot(a, places[k])
         elif equations.contact and not equations.level:
             wall = equations.coordinate.slopes(fields.y)[0] * y_rate
         return Rates(load, displacement, wall, 0.0 if equations.contact else -y_rate)
 
-    def _slope(self, x: Array, p: float) -> float:
-        equations, fields = self.seen(x, p)
-        if "slope" not in fields.derived and self.mesh.roots:
-            fields.derived["slope"] = self._slope_with_jumps(x, p)
-        if "slope" not in fields.derived:
-            fields.derived["slope"] = load_per_displacement(equations, fields, self._solver(x))
-        slope: float = fields.derived["slope"]
-        return slope
-
-    def _moved(self, x: Array, p: float) -> tuple[list[tuple[Row, Front | Crease]], Array, Array]:
-        """What says where what the mesh moves with is, and that, (1 + m,), and rates of the gaps and of the residual
-        with these motions at fixed h, (1 + m, N + R) and (1 + m, N)."""
-        (equations, fields), front, n = self.seen(x, p), self.front, self.mesh.size
-        assert isinstance(front, Front)
-        own: list[tuple[Row, Front | Crease]] = [(front.row(self.mesh, self.equations), front)]
-        own += zip(self._rows, self.creases, strict=True)
-        columns = [equations.spread(fields, 0.0)]
-        if self.creases:
-            columns += zip(*equations.drift(fields, *self._motion(equations)), strict=True)
-        return own, np.array([gap for gap, _ in columns]), np.array([residual[:n] for _, residual in columns])
-
-    def _slope_with_jumps(self, x: Array, p: float) -> float:
-        """`load_per_displacement` where the places at which the pressure jumps answer the motion, too."""
-        (equations, fields), (own, gaps, residuals) = self.seen(x, p), self._moved(x, p)
-        response = equations.response(fields)
-        response.flat[:: len(response) + 1] += 1.0
-        known = np.column_stack([np.ones(len(response)), residuals.T])
-        answers = -np.linalg.solve(response, known)  # of h less the rigid motion
-        changes = (fields.rim.plane_to_targets @ answers).T
-        changes[1:] += gaps
-        off = np.array([row.by_gap(changes) for row, _ in own])
-        motions = np.append(1.0, -np.linalg.solve(off[:, 1:], off[:, 0]))
-        parts = [
-            rates_of_answer(equations, fields, 1.0 + answers @ motions),
-            equations.rates(fields, 0.0 * fields.h, 0.0, 1.0),
-        ]
-        if self.creases:
-            parts += [equations.drift_rates(fields, *rates) for rates in zip(*self._motion(equations), strict=True)]
-        load, displacement = motions @ np.array(parts)
-        return float(load / displacement)
-
     def unstable(self, x: Array, p: float) -> int:
         """Negative eigenvalues of the second variation at fixed displacement, by inertia.
 
-        Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely, and
-        that of a stiff contact, whose rim is all but indifferent to where it is, on a sharper mesh.
+        Deep in contact the rough answer is nearly always 0, which is what is expected; any other is checked finely.
         """
         equations, fields = self.seen(x, p)
         if self.mesh.roots:
             return equations.unstable_modes(fields) + self._unstable_jumps(x, p)
-        least = INDIFFERENT if self.film and equations.contact else 0.0
-        found = equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields, least=least)
-        if not (found and self.within(x, p)):
-            return found
-        problem, x = self.resolved(x, p, SHARPER * self.resolution.tolerance, max(MOST, self.size))
-        sharper, fields = problem.seen(x, p)
-        return sharper.unstable_modes(fields, least=least)
+        return equations.unstable_modes(fields, finely=False) and equations.unstable_modes(fields)
 
     def _unstable_jumps(self, x: Array, p: float) -> int:
         """By how much places where the pressure jumps raise the Morse index at fixed displacement.
@@ -688,22 +579,23 @@ class ContactProblem(MeshedContact):
         derivatives by the places, once h has answered, are a Schur complement (Haynsworth: inertias add). The energy of
         an attraction is the least of all places, that of a repulsion the largest, which takes one direction each.
         """
-        (equations, fields), (own, lifts, residuals) = self.seen(x, p), self._moved(x, p)
-        jumping = [k for k, (row, one) in enumerate(own) if one.root and not row.rests]
+        (equations, fields), n, breakpoints = self.seen(x, p), self.mesh.size, self.motion.all if self.motion else ()
+        jumping = [k for k, one in enumerate(breakpoints) if one.root and not one.side]
         if not jumping:
             return 0
+        columns = [equations.spread(fields, 0.0)]
+        if self.others:
+            columns += zip(*equations.drift(fields, *self._motion(equations)), strict=True)
+        gaps, residuals = np.array([columns[k][0] for k in jumping]), np.array([columns[k][1][:n] for k in jumping])
         response = equations.response(fields)
-        response.flat[:: len(response) + 1] += 1.0
-        answered = np.linalg.solve(response, residuals[jumping].T)
-        gaps = lifts[jumping].T - fields.rim.plane_to_targets @ answered
+        response.flat[:: n + 1] += 1.0
+        gaps = gaps.T - fields.rim.plane_to_targets @ np.linalg.solve(response, residuals.T)
         form, signs = [], []
         for k in jumping:
-            row, one = own[k]
-            level = equations.law.levels.index(one.value if isinstance(one, Crease) else one.gap)
-            above, below = equations.law.bounds(level)
+            one = breakpoints[k]
+            above, below = equations.law.bounds(equations.law.levels.index(one.gap))
             place = one.place * (one.place if k == 0 else 1.0)  # of the leading one, the logarithm moves
-            slope = one.slope if isinstance(one, Crease) else 1.0
-            form.append((above - below) * place * slope * row.by_gap(gaps.T))
+            form.append((above - below) * place * one.slope * self.rows[k].by_gap(gaps.T))
             signs.append(above < below)
         matrix = np.array(form)
         return int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0.0).sum()) - sum(signs)
@@ -772,14 +664,6 @@ class ContactProblem(MeshedContact):
     def resists(self, x: Array) -> bool:
         """Whether the film at first touch is so stiff that a contact has a kink of its own, or the pressure jumps."""
         return bool(self.mesh.roots) or 0.5 / max(1.0, float(self.fields(x, 0.0).stiffness[0])) < STIFF
-
-    def graded(self, x: Array) -> list[Point]:
-        """First touch with panels graded down to the length on which elasticity answers the interaction."""
-        mesh, length = self.mesh, self.answer(x)
-        if length >= mesh.innermost:
-            return []
-        problem, x = self.on(self._mesh(_graded(mesh.edges, length), self.front, mesh.bounded), x, 0.0)
-        return [problem.touching(x)]
 
 
 def _graded(edges: Array, length: float) -> Array:

@@ -34,6 +34,8 @@ PASSES = 1.1 / (2 * math.pi)
 REAL = 1e-6
 # Nodes of the polynomial that tells a minimum between the neighbours of a node.
 BETWEEN = 12
+# Places in the innermost panel at which the gap under a flat tip is looked at; the first one as a share of its length.
+CLOSE, CLOSEST = 60, 1e-4
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,6 @@ def _breaches(equations: Equations, fields: Fields, scale: float, narrow_ring: f
                 for value, radius in at(sign * (pressure - bound) / largest, True) if math.isfinite(bound) else ():
                     yield Breach(value, first + k, radius, Region(False, band))
             continue
-        gap = fields.gap[nodes]
         bounds = [(law.levels[region.index], 1.0, region.index)]
         if region.index < law.outermost and not (k == len(equations.regions) - 1 and not mesh.bounded):
             bounds.append((law.levels[region.index + 1], -1.0, region.index + 1))
@@ -132,9 +133,24 @@ def _breaches(equations: Equations, fields: Fields, scale: float, narrow_ring: f
             passes = PASSES * max(below - above, 0.0) * width if index in jumps else 0.0
             ends = not (rests and (index or len(equations.resting)))  # there the range of the parameter does
             new = Region(True, index) if rests else Region(False, index if sign < 0.0 else index - 1)
-            for value, radius in at(sign * (gap - level) / scale, False, centre, passes / scale):
+            for value, radius in at(sign * (fields.gap[nodes] - level) / scale, False, centre, passes / scale):
                 if radius > 0.0 or not ends:
                     yield Breach(value, first + k, radius, new)
+        if k == 0 and not equations.contact and equations.tip.apex_exponent > 2.0:
+            yield from _dishes(equations, fields, scale)
+
+
+def _dishes(equations: Equations, fields: Fields, scale: float) -> Iterator[Breach]:
+    """Minima of the gap within the innermost panel of a film under a tip that begins flatter than the dish it presses
+    into the surface; the gap less the tip's own height is smooth there."""
+    mesh, law, tip = equations.mesh, equations.law, equations.tip
+    index, places = equations.regions[0].index, mesh.innermost * np.geomspace(CLOSEST, 1.0, CLOSE)
+    own = tip.height(mesh.nodes)
+    lifted = np.where(np.isfinite(own), fields.gap - own, 0.0)
+    gap = mesh.interpolate(lifted, places) + tip.height(places)
+    for k in np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1:
+        if gap[k] < -fields.y - EDGE_NOISE * abs(fields.rim_value):
+            yield Breach((gap[k] - law.levels[index]) / scale, 0, float(places[k]), Region(law.holds(index), index))
 
 
 def _extrema(

@@ -1,4 +1,4 @@
-"""Meshes that move with the creases of films."""
+"""Meshes that move with breakpoints of the solution."""
 
 from dataclasses import replace
 
@@ -9,24 +9,23 @@ import contbranch as cb
 from contbranch.curve.curves import FollowedCurves
 from contbranch.curve.refine import moved, settled
 from contbranch.curve.trace import Request
-from contbranch.models.axisymmetric.creases import Crease, apart, moved_with, velocities
+from contbranch.models.axisymmetric.breakpoints import Breakpoint, Motion, moved_with
 from contbranch.models.axisymmetric.equations import ContactCoordinate, Equations
-from contbranch.models.axisymmetric.front import Front
 from contbranch.models.axisymmetric.mesh import Mesh
 from contbranch.models.axisymmetric.moving import Resolution
 from contbranch.models.axisymmetric.problem import ContactProblem
 
 EDGES = np.array([0.0, 0.2, 0.5, 0.8, 1.1, 1.4, 1.8, 2.3, 3.0])
+LEAD, FIRST, SECOND = Breakpoint(1.4, 0.5, 5.0, -1, 1.0), Breakpoint(0.8, 0.5, 1.0, 0), Breakpoint(1.8, 0.5, 1.0, 1)
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.7])
 def test_rates_of_a_mesh_that_moves(radius):
     """All that follows from the same nodal values on a mesh that moves changes at the rates that are computed."""
     mesh, tip = Mesh(EDGES, 10), cb.Parabola(1.0)
-    creases = [Crease(0.9, 0.1, 1, 0.0, 1.0, 1.0, 0), Crease(1.9, 0.2, 0, 0.5, 1.0, 1.0, 1)]
-    edges, nodes = velocities(creases, (1.3, 1.4), mesh)
-    assert edges[:, [0, 1, -1]] == pytest.approx(0.0)
-    assert nodes.max(axis=1) == pytest.approx(1.0, abs=0.1)
+    edges, nodes = Motion(LEAD, (FIRST, SECOND)).velocities(mesh, radius > 0.0)
+    assert edges[:, [0, 5, -1]] == pytest.approx(0.0)
+    assert edges[:, [3, 6]] == pytest.approx(np.eye(2))
     law, coordinate = cb.Gauss(-1.0, 0.7), ContactCoordinate(tip, 2.0)
     # Not a solution, and not continuous where panels meet: rates are those of what is computed.
     h = 1.0 / (1.0 + mesh.nodes**2) + 1e-3 * np.repeat(np.cos(np.arange(8.0)), 10)
@@ -49,35 +48,26 @@ def test_rates_of_a_mesh_that_moves(radius):
         assert rates == pytest.approx(differences[160:], abs=1e-9)
 
 
-def test_every_crease_moves_its_own_place_alone():
-    """At the place of one the velocity is 1 by its own motion and 0 by those of others; nowhere is the mesh torn."""
-    mesh = Mesh(np.linspace(0.0, 3.0, 301), 4)
-    chosen = [Crease(place, half, 0, 0.5, 1.0, 1.0, 0) for place, half in ((1.0, 0.3), (1.5, 0.15), (1.2, 0.07))]
-    creases = apart(chosen)
-    edges, _ = velocities(creases, None, mesh)
-    rates = np.array([np.interp([crease.place for crease in creases], mesh.edges, own) for own in edges])
-    assert rates == pytest.approx(np.eye(3), abs=1e-12)
-    assert np.abs(np.diff(edges, axis=1)).max() < 0.2  # over panels of 0.01
+def test_a_breakpoint_moves_its_own_place_alone():
+    """Those of the others, the leading one, the centre and the end stay; what lies between two moves linearly."""
+    mesh = Mesh(np.linspace(0.0, 3.0, 31), 4)
+    others = tuple(Breakpoint(place, 0.5, 1.0, key) for key, place in enumerate((1.0, 1.5, 1.2)))
+    motion = Motion(Breakpoint(1.6, 0.5, 1.0, -1), others)
+    edges, nodes = motion.velocities(mesh, False)
+    rates = np.array([np.interp([0.0, 1.0, 1.5, 1.2, 1.6, 3.0], mesh.edges, own) for own in edges])
+    assert rates == pytest.approx(np.eye(3, 6, 1), abs=1e-12)
+    assert nodes[0] == pytest.approx(np.interp(mesh.nodes, [0.0, 1.0, 1.2], [0.0, 1.0, 0.0]), abs=1e-12)
 
 
-def test_creases_that_have_moved_leave_room_for_one_another():
-    """Towards one another, or towards a front: at the place of each only its own motion counts, as before."""
-    mesh = Mesh(np.linspace(0.0, 3.0, 301), 4)
-    moved = [Crease(place, 0.3, 0, 0.5, 1.0, 1.0, 0) for place in (1.2, 1.3, 1.5)]
-    creases = apart(moved, (mesh.innermost, 1.6))
-    edges, _ = velocities(creases, (1.58, 1.62), mesh)
-    rates = np.array([np.interp([1.2, 1.3, 1.5, 1.6], mesh.edges, own) for own in edges])
-    assert rates == pytest.approx(np.eye(3, 4), abs=1e-12)
-
-
-def test_a_front_is_found_next_to_where_it_was():
+def test_a_leading_breakpoint_is_found_next_to_where_it_was():
     """A gap with a dip passes the front's own value more than once."""
     mesh, tip = Mesh(np.linspace(0.0, 3.0, 31), 8), cb.Parabola(1.0)
     equations = Equations(tip, cb.Gauss(-1.0, 0.7), mesh, ContactCoordinate(tip, 2.0), False)
     fields = replace(equations.fields(np.zeros(mesh.size), -1.0), gap=1.0 + np.sin(2 * np.pi * mesh.nodes))
-    front = Front(1.0, 1.0, 0.1, 1.0, 0.0)
+    motion = Motion(Breakpoint(1.0, 1.0, 10.0, -1, 1.0))
     for place in (0.5, 1.0, 1.5, 2.0, 2.5):
-        assert front.anchored(equations, fields, np.log(place * 1.05)) == pytest.approx(np.log(place), abs=1e-8)
+        found = motion.located((equations, fields), {}, np.log(place * 1.05))
+        assert found == pytest.approx([np.log(place)], abs=1e-8)
 
 
 def test_layers_travel_beside_the_front():
@@ -98,46 +88,22 @@ def test_layers_travel_beside_the_front():
     assert diagram.branches[0].central_gap.min() < 2.8 * 0.07
 
 
-def test_a_state_whose_creases_have_left_the_mesh_is_lost():
+def test_a_state_whose_breakpoints_have_left_the_mesh_is_lost():
     """Where it lies cannot be told then, which is no error of whoever asks."""
     mesh, tip = Mesh(EDGES, 10), cb.Parabola(1.0)
-    front = Front(1.35, 0.5, 0.1, 1.0, 0.0, (Crease(0.9, 0.1, 1, 0.0, 1.0, 1.0, 0),))
     equations = Equations(tip, cb.Gauss(-1.0, 0.7), mesh, ContactCoordinate(tip, 2.0), False)
-    problem = ContactProblem(equations, 0.7, Resolution(1e-4, 8), 1.0, front)
+    problem = ContactProblem(equations, 0.7, Resolution(1e-4, 8), 1.0, Motion(LEAD, (FIRST,)))
     h = 1.0 / (1.0 + mesh.nodes**2)
     assert not problem.lost(np.append(h, [0.0, 0.01]), -1.0)
-    assert problem.lost(np.append(h, [0.0, -0.55]), -1.0)
-    assert problem.lost(np.append(h, [-3000.0, 0.0]), -1.0)  # nor where the front itself is
+    assert problem.lost(np.append(h, [0.0, -0.75]), -1.0)
+    assert problem.lost(np.append(h, [-3000.0, 0.0]), -1.0)  # nor where the leading one is
 
 
 def test_panels_are_not_crushed():
     mesh = Mesh(EDGES, 10)
-    edges, _ = velocities([Crease(0.9, 0.1, 1, 0.0, 1.0, 1.0, 0)], None, mesh)
-    with pytest.raises(cb.ModelError, match="crease"):
-        moved_with(mesh, edges, np.array([-0.55]))
-
-
-def test_creases_cross_a_film_in_a_few_steps():
-    """A film that bends upwards at its centre gives way on a ring, which wanders through it, and then on others.
-
-    Every ring takes the curve from one end of the same range of loads to the other. On meshes at rest it takes the ring
-    140 rows to wander through the film for the first time.
-    """
-    contact = cb.Contact(cb.PowerLaw(2.491, 1.0), cb.VanDerWaals(-1.0, 0.0966))
-    rows = []
-
-    def progress(share, text):
-        if text not in rows[-1:]:  # what was said last is said again now and then, as the clock has it
-            rows.append(text)
-        if len(rows) > 84:  # behind the third turn
-            raise cb.Stop
-
-    diagram = cb.trace(contact, accuracy=1e-4, modes=0, progress=progress)
-    turns = np.array([fold.load for fold in diagram.folds("load")])
-    first, second, third = [fold.position for fold in diagram.folds("load")][:3]
-    assert second - first < 80
-    assert third - second < 90
-    assert turns[0] == pytest.approx(turns[2], rel=1e-4) != turns[1]
+    edges, _ = Motion(LEAD, (FIRST,)).velocities(mesh, False)
+    with pytest.raises(cb.ModelError, match="breakpoint"):
+        moved_with(mesh, edges, np.array([-0.75]))
 
 
 def test_steps_travel_where_the_mesh_ends_at_an_edge():
@@ -156,13 +122,13 @@ def test_steps_travel_where_the_mesh_ends_at_an_edge():
     assert 0.0 < excess < 2.0e-3
 
 
-def test_a_tangent_on_a_finer_mesh_moves_with_its_creases():
+def test_a_tangent_on_a_finer_mesh_moves_with_its_breakpoints():
     """Where a steep zone wanders the rate of h at a fixed place is a spike, which nothing but that zone makes."""
-    contact = cb.Contact(cb.SphericalCap(1.41), cb.VanDerWaals(1.0, 0.05))
+    contact = cb.Contact(cb.Parabola(1.0), cb.Layered(1.0, 1.0, 1.0))
     track = FollowedCurves(contact, cb.Axisymmetric()).track(Request(1e-4))
-    creased = [point for point in track.points if point.problem.creases]
-    assert len(creased) > 20
-    for point in creased[::10]:
+    moving = [point for point in track.points if point.problem.others]
+    assert len(moving) > 20
+    for point in moving[::10]:
         there = moved(point, point.problem.finer())
         here, metric = settled(there), there.problem.metric(there.x)
         tangents = [(one.tangent_x, one.tangent_parameter) for one in (there, here)]
@@ -170,8 +136,8 @@ def test_a_tangent_on_a_finer_mesh_moves_with_its_creases():
         assert metric.dot(there.problem, *tangents[0], *tangents[1]) > 0.999 * lengths[0] * lengths[1]
 
 
-def test_a_row_whose_creases_the_last_mesh_cannot_hold_is_joined_on_its_own():
-    """Under a cap the creases of a coarse table move so far in a step that a mesh has room for one end only."""
+def test_states_of_a_coarse_table_under_a_cap():
+    """Steep zones of a coarse table travel far in a step."""
     gaps = np.linspace(0.0, 8.0, 9) * 0.241
     energies = np.array(cb.VanDerWaals(1.0, 0.241).evaluate(gaps).energy)
     contact = cb.Contact(cb.SphericalCap(3.471), cb.Tabulated(tuple(gaps), tuple(energies)))
@@ -180,13 +146,3 @@ def test_a_row_whose_creases_the_last_mesh_cannot_hold_is_joined_on_its_own():
     # A Maxwell relation that knows nothing of meshes: dV = F dd, between the two.
     work = cb.solve(contact, displacement=state.displacement + 1e-4).energy - state.energy
     assert work == pytest.approx(1e-4 * -2.0, abs=1e-6)
-
-
-def test_the_end_of_a_mesh_stays_where_it_is():
-    """However wide a crease next to it is; at the edge of a tip the mesh would end beyond."""
-    mesh = Mesh(EDGES, 10, bounded=True)
-    crease = Crease(2.9, 0.2, 0, 0.3, 5.0, 60.0, 0)
-    edges, _ = velocities([crease], None, mesh)
-    assert edges[0, 0] == edges[0, -1] == 0.0
-    assert np.interp(2.9, EDGES, edges[0]) > 0.1
-    assert moved_with(mesh, edges, np.array([0.01])).edges[-1] == EDGES[-1]
