@@ -115,7 +115,7 @@ def test_folds_closer_than_rates_tell_come_in_their_order():
 def test_work_from_row_to_row_is_the_change_of_energy_across_meshes():
     """Where meshes change, a row carried to the one before lies up to 1e-3 farther along the curve: that piece counts.
 
-    Discretisation errors of rows, 1e-8 here, are errors of energies, too.
+    Discretisation errors of rows, a few 1e-8 here, are errors of energies, too.
     """
     law = cb.Layered(-1.0, 0.16140209683737686, wavelength=0.49066237438562565, phase=0.0)
     contact = cb.Contact(cb.Parabola(1.0), law)
@@ -126,7 +126,7 @@ def test_work_from_row_to_row_is_the_change_of_energy_across_meshes():
             continue
         changes += first.problem is not last.problem
         work = work_along(first, [Piece(*linked(first, last))], last, 1e-10)
-        assert work == pytest.approx(last.observables["energy"] - first.observables["energy"], abs=2e-8)
+        assert work == pytest.approx(last.observables["energy"] - first.observables["energy"], abs=5e-8)
     assert changes > 5
 
 

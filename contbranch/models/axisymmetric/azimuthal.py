@@ -41,7 +41,7 @@ from contbranch.arrays import Array, magnitude
 from contbranch.curve.problem import Count
 from contbranch.results.diagram import ModeShape
 
-from .equations import Equations, Fields, lower_gram, negative_eigenvalues, upper_times_lower
+from .equations import Equations, Fields, negative_eigenvalues, upper_times_lower
 from .modal import ModeSpace, inner_mode_pressure
 
 __all__ = [
@@ -180,11 +180,9 @@ def mode_shape(equations: Equations, fields: Fields, m: int, index: int = 1) -> 
 
 
 def _form(space: ModeSpace, m: int, basis: Array | None) -> Array:
-    """π ∫ k (A_m h)² r dr on trial functions that are orthonormal in ∫ dt, (N, N); its lower triangle."""
-    form = lower_gram(space.plane(m), -np.pi * space.weights * space.rho * space.stiffness, *space.blocks)
-    if basis is None:
-        return form
-    return np.asarray(basis.T @ (np.tril(form) + np.tril(form, -1).T) @ basis)
+    """π ∫ k (A_m h)² r dr on trial functions that are orthonormal in ∫ dt, (N, N)."""
+    plane = space.plane(m) if basis is None else space.plane(m) @ basis
+    return np.asarray(plane.T @ ((-np.pi * space.weights * space.rho * space.stiffness)[:, None] * plane))
 
 
 def _largest(space: ModeSpace, m: int, count: int) -> tuple[Array, Array]:

@@ -28,7 +28,7 @@ from .regions import Breach, layout_of, least_margin, radii_of
 if TYPE_CHECKING:
     from .problem import ContactProblem
 
-__all__ = ["begun", "born", "laid", "narrowness", "positions", "rested", "vanished"]
+__all__ = ["begun", "born", "laid", "narrowness", "positions", "vanished"]
 
 Row = tuple[Array, float]
 
@@ -56,16 +56,12 @@ DEEP = 0.1
 # Radii of a disc that takes the place of a ring, in units of the ring's; the least radius of a ring over which a law is
 # felt.
 FILLED, FELT = (1.5, 3.0, 10.0), 3e-3
-# Radius of the first disc at rest, at most, as a share of that over which the interaction reaches; shares of it that
-# are tried; radii of a hole in it, where the pressure at the apex would exceed its bound: with a cone however small the
-# disc.
-SMALL, DISCS = 1e-2, (1.0, 0.5, 0.2, 0.1, 0.03, 0.01, 1e-3)
-HOLES = (0.3, 0.1, 0.6, 0.03, 0.85, 0.01, 0.003, 0.001, 1e-4)
+# Under a cone the pressure at the apex exceeds every bound σ. The hole in what comes to rest tends to exp(1 − 2σ/z′) of
+# its radius, as measured to four digits from σ = 2z′ on; shares of that which are tried, and the smallest hole.
+HOLES, LEAST_HOLE = (1.0, 0.8, 1.2), 1e-5
 # Where it is exceeded almost everywhere, the width of the ring in units of its radius is CLOSING exp(−π z′/(2σ)): the
-# slope of what a uniform pressure lifts is as steep as the tip that far inside of its edge. Where it would be larger
-# than the second, σ is so many slopes that no nodes resolve what the film's hole is under a cone.
+# slope of what a uniform pressure lifts is as steep as the tip that far inside of its edge.
 CLOSING = 4.3
-SHARPEST = CLOSING * math.exp(-math.pi / 9)
 # First steps behind a change as a share of the narrowest region.
 FIRST, SHORTEST = 0.3, 1e-3
 # A pressure is least in the middle of a disc where it is least within this share of its radius.
@@ -225,9 +221,6 @@ def born(points: Sequence[Point]) -> Succession:
     """
     point, dropped = failed(points)
     breach = failing(point)
-    equations = problem_of(point).equations
-    if breach.radius == 0.0 and breach.new.rests and equations.law.vanishes(breach.new.index):
-        return rested(points)
     kind, message = change(point, breach, growing=True)
     start = begun(seeded(point, breach))
     step = FIRST * narrowest(start)
@@ -272,50 +265,57 @@ def narrowness(vanishing: Sequence[float], radii: Array) -> float:
     return min(1.0, float((shares[counts] / least[counts]).min()) - 1.0) if counts.any() else 1.0
 
 
-def seeds(point: Point, breach: Breach) -> Iterator[tuple[Layout, Array, int]]:
-    """Layouts in which the new region has begun, from the likeliest size on, their radii, and the edge that is held:
-    the first one, or with the number of the ring's inner edge its width."""
+def seeds(point: Point, breach: Breach) -> Iterator[tuple[Layout, Array, tuple[int, ...]]]:
+    """Layouts in which the new region has begun, from the likeliest size on, their radii, and the number of the radius
+    that is held, or those of two whose distance is."""
     problem = problem_of(point)
     equations, fields = problem.seen(point.x, point.parameter)
-    layout, radii = seen_layout(point)
-    k, centre = breach.region, breach.radius == 0.0
-    before = radii[k - 1] if k else 0.0
-    after = radii[k] if k < len(radii) else math.inf
+    tip, law, (layout, radii) = equations.tip, equations.law, seen_layout(point)
+    k, centre, new = breach.region, breach.radius == 0.0, breach.new
+    before, after = radii[k - 1] if k else 0.0, radii[k] if k < len(radii) else math.inf
     outermost = radii[-1] if len(radii) else 0.0
-    room = min(
-        *([] if centre else [breach.radius - before]), after - breach.radius, max(outermost, math.sqrt(problem.scale))
-    )
-    if breach.new.rests:  # no wider than the dip in which surfaces meet
+    room = min(after - breach.radius, max(outermost, math.sqrt(problem.scale)))
+    room = room if centre else min(room, breach.radius - before)
+    if new.rests:  # no wider than the dip in which surfaces meet
         r = np.hypot(equations.mesh.nodes, fields.rim.radius)
         own = (r > before) & (r < after)
-        apart = own & (np.abs(fields.gap - equations.law.levels[breach.new.index]) > DEEP * problem.scale)
+        apart = own & (np.abs(fields.gap - law.levels[new.index]) > DEEP * problem.scale)
         room = min(room, float(np.abs(r[apart] - breach.radius).min(initial=room)))
     sizes = [(centre, share * room) for share in SEEDS]
-    if k == 0 and not centre and breach.new.rests:  # the disc that fills a ring soon
-        place = 0 if breach.radius < FELT * math.sqrt(problem.scale) else len(sizes)
-        sizes[place:place] = [(True, share * breach.radius) for share in FILLED]
+    if k == 0 and not centre and new.rests:  # the disc that fills a ring soon
+        filled = [(True, share * breach.radius) for share in FILLED]
+        sizes = [*filled, *sizes] if breach.radius < FELT * math.sqrt(problem.scale) else [*sizes, *filled]
+    sharp, around = new.rests and new.index > 0 and tip.apex_exponent <= 1.0, layout.regions
     for inside, half in sizes:
-        if inside and half < min(after, equations.tip.extent):
-            yield layout.born(k, breach.new, True), np.concatenate([[half], radii]), -1
-        elif not inside:
-            yield (
-                layout.born(k, breach.new, False),
-                np.insert(radii, k, breach.radius + half * np.array([-1.0, 1.0])),
-                k,
-            )
+        if not inside:
+            ring = np.insert(radii, k, breach.radius + half * np.array([-1.0, 1.0]))
+            yield layout.born(k, new, False), ring, (k + 1, k)
+        elif half < min(after, tip.extent) and not sharp:
+            yield layout.born(k, new, True), np.append(half, radii), (0,)
+        elif half < min(after, tip.extent):  # under a cone the pressure in the middle exceeds every bound
+            hole, jump = Region(False, new.index - 1), law.pressure(new.index - 1, new.index) - law.bounds(new.index)[0]
+            steep = float(tip.height_derivative(np.float64(half)))
+            width = CLOSING * math.exp(-math.pi * steep / (2 * jump))
+            if width < problem.narrow_ring:
+                yield replace(layout, regions=(hole, *around)), np.append(half, radii), (0,)
+                continue
+            small = math.exp(1.0 - 2.0 * jump / steep)
+            for share in [*([1.0 - width] if width < 1.0 else []), *(small * factor for factor in HOLES)]:
+                if LEAST_HOLE < share < 1.0:
+                    yield replace(layout, regions=(hole, new, *around)), np.append([share * half, half], radii), (1,)
 
 
-def holding(edge: int) -> Callable[[ContactProblem, Array], Row]:
-    """What holds the first edge, or (with its number) the difference of an edge and the next."""
+def holding(edges: tuple[int, ...]) -> Callable[[ContactProblem, Array], Row]:
+    """What holds an edge, or the distance of two."""
 
     def row(problem: ContactProblem, x: Array) -> Row:
-        held, n = np.zeros(x.size), problem.size
-        disc = problem.equations.contact
-        if edge < 0 and disc:
+        held, n, disc = np.zeros(x.size), problem.size, int(problem.equations.contact)
+        if len(edges) == 1 and edges[0] < disc:
             return held, 1.0
-        _, rows = positions(problem, x)
-        first = 0 if edge < 0 else edge - disc
-        held[n:] = rows[first] if edge < 0 else rows[first + 1] - (rows[first] if first >= 0 else 0.0)
+        _, moves = positions(problem, x)
+        for edge, sign in zip(edges, (1.0, -1.0), strict=False):
+            if edge >= disc:
+                held[n:] += sign * moves[edge - disc]
         return held, 0.0
 
     return row
@@ -333,11 +333,11 @@ def seeded(point: Point, breach: Breach) -> Point:
     before, tip, least = Functions(*problem.seen(point.x, point.parameter)), problem.equations.tip, 0.0
     doubtful: list[tuple[float, Point]] = []
     cusp = CUSP / max(tip.apex_exponent - 1.0, TINY)
-    for layout, radii, edge in seeds(point, breach):
-        half = float(radii[0] if edge < 0 else (radii[edge + 1] - radii[edge]) / 2)
+    for layout, radii, edges in seeds(point, breach):
+        half = float(radii[edges[0]] if len(edges) == 1 else (radii[edges[0]] - radii[edges[1]]) / 2)
         if half <= least:
             continue
-        hold = holding(edge)
+        hold = holding(edges)
         try:
             trial, x, p = laid(problem, before, layout, radii)
             row = hold(trial, x)
@@ -357,72 +357,13 @@ def seeded(point: Point, breach: Breach) -> Point:
         if margin_of(found) >= -FAILS:
             doubtful.append((max(beyond, uncertain, 0.0), found))
     if not doubtful:
-        raise ModelError("no state was found beyond the change of the contact set")
+        sharp = problem.equations.tip.apex_exponent <= 1.0 and breach.radius == 0.0
+        raise ModelError(
+            "the tip is too sharp for so stiff a film: describe its apex as rounded"
+            if sharp
+            else "no state was found beyond the change of the contact set"
+        )
     return min(doubtful, key=lambda one: one[0])[1]
-
-
-def rested(points: Sequence[Point]) -> Succession:
-    """The curve behind the last of points, where the gap in the middle is a level at which it can rest.
-
-    Raises
-    ------
-    ModelError
-        If no state was found in which it does.
-    """
-    point, problem = points[-1], problem_of(points[-1])
-    law, accuracy, tip = problem.equations.law, problem.resolution.accuracy, problem.equations.tip
-    index = problem.equations.regions[0].index
-    breach = Breach(0.0, 0, 0.0, Region(True, index))
-    if not law.vanishes(index):
-        kind, message = change(point, breach, growing=True)
-        start = begun(seeded(point, breach))
-        return Succession(kind, point, (start,), same=False, step=FIRST * narrowest(start), message=message)
-    # There is no load as yet: it grows with radius^(n + 1) over a tip that begins like r^n.
-    radius = float(tip.radius_at(law.levels[index])) * min(SMALL, accuracy ** (1 / (1 + tip.apex_exponent)))
-    start = begun(on_level(point, index, radius))
-    return Succession("", point, (start,), step=FIRST * narrowest(start))
-
-
-def on_level(point: Point, index: int, radius: float) -> Point:
-    """A tiny disc, or ring, of about a radius, on which the gap rests at the end of the law's range, on its way to
-    grow."""
-    problem = problem_of(point)
-    tip, law, around = problem.equations.tip, problem.equations.law, problem.equations.regions
-    before, inside, rests = (
-        Functions(*problem.seen(point.x, point.parameter)),
-        Region(False, index - 1),
-        Region(True, index),
-    )
-    steep = float(tip.height_derivative(np.float64(radius)))
-    width = CLOSING * math.exp(-math.pi * steep / (2 * law.pressure(index - 1, index)))
-    trials = [(Layout((rests, *around), False), np.array([share * radius])) for share in DISCS]
-    shares = [1.0 - width, *HOLES] if width < 1.0 else HOLES
-    holes = [(Layout((inside, rests, *around), False), np.array([share * radius, radius])) for share in shares]
-    jumps = width < problem.narrow_ring  # from the beginning
-    if jumps:
-        holes = [(Layout((inside, *around), False), np.array([radius]))]
-    trials = trials + holes if tip.apex_exponent > 1.0 else holes if width <= SHARPEST or jumps else []
-    for layout, radii in trials:
-        hold = outermost_held
-        try:
-            trial, x, p = laid(problem, before, layout, radii)
-            row = hold(trial, x)
-            found = resolved(oriented(trial, *solved(trial, x, p, row), row), hold)
-        except (CorrectionError, ModelError):
-            continue
-        if margin_of(found) > 0.0:
-            return found
-    raise ModelError("the tip is too sharp for so stiff a film: describe its apex as rounded")
-
-
-def outermost_held(problem: ContactProblem, x: Array) -> Row:
-    """What holds the outermost edge."""
-    held, n = np.zeros(x.size), problem.size
-    places, moves = positions(problem, x)
-    if not len(places):
-        return held, 1.0
-    held[n:] = moves[-1]
-    return held, 0.0
 
 
 # -- ends -------------------------------------------------------------------------------------------------------------
@@ -549,13 +490,13 @@ def uncertainty(point: Point) -> float:
 def change(point: Point, breach: Breach, growing: bool) -> tuple[str, str]:
     """The kind of an event at which a region begins (or, not growing, ends), and a sentence."""
     layout, _ = seen_layout(point)
-    new, around = breach.new, layout.regions[breach.region]
-    if not (new.rests or around.rests):  # the interaction's range begins
+    new, around, law = breach.new, layout.regions[breach.region], problem_of(point).equations.law
+    if not around.rests and (not new.rests or law.vanishes(around.index)):  # the interaction's range begins
         return "", ""
     centre = breach.radius == 0.0
     place = "at the centre" if centre else f"on a ring of radius {breach.radius:.6g} (reduced)"
     level = (new if new.rests else around).index
-    gap = problem_of(point).equations.law.levels[level]
+    gap = law.levels[level]
     where = "the wall" if level == 0 else f"a gap of {gap:.6g} (reduced)"
     if new.rests:
         verb, shape = "comes to rest at" if growing else "leaves", ""

@@ -17,7 +17,7 @@ is that of a band of the law. In one that rests the pressure is unknown, and the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -720,9 +720,7 @@ class Equations:
             plane = mesh.before_finer(fine_fields.rim.plane)
         # The congruence with W^(-1/2) leaves the inertia alone and makes the unit matrix the bulk of the spectrum.
         scaled = plane / np.sqrt(mesh.weights * fields.rim.factor)
-        stiffness = np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.rigid
-        columns = range(0, mesh.size, mesh.order)
-        matrix = lower_gram(scaled, stiffness, columns, fine_mesh.panel_starts(mesh.edges[:-1]))
+        matrix = scaled.T @ ((np.pi * fine_mesh.weights * fine_mesh.nodes * fine_fields.rigid)[:, None] * scaled)
         matrix.flat[:: mesh.size + 1] += 1.0
         return negative_eigenvalues(matrix)
 
@@ -740,19 +738,6 @@ def upper_times_lower(upper: Array, lower: Array, block: int) -> Array:
         np.matmul(upper[: start + strip, on], lower[on, own], out=product[: start + strip, own])
         np.matmul(upper[own, on], lower[on, :start], out=product[own, :start])
     return product
-
-
-def lower_gram(factor: Array, weights: Array, columns: Sequence[int], rows: Sequence[int]) -> Array:
-    """Lower triangle of ``factorᵀ diag(weights) factor``; blocks that begin at `columns` have values from `rows` on.
-
-    What lies above the diagonal is left undefined; this takes down to a sixth of the work of the whole product.
-    """
-    size = factor.shape[1]
-    gram = np.zeros((size, size))
-    for row, (begin, end) in zip(rows[::STRIP], pairwise([*columns[::STRIP], size]), strict=True):
-        weighted = weights[row:, None] * factor[row:, begin:end]
-        np.matmul(weighted.T, factor[row:, :end], out=gram[begin:end, :end])
-    return gram
 
 
 def negative_eigenvalues(matrix: Array) -> int:

@@ -205,11 +205,6 @@ class Mesh:
             np.matmul(matrix[:, begin:end], self.to_finer[begin:end, own], out=product[:, own])
         return product
 
-    def panel_starts(self, places: Array) -> list[int]:
-        """First node of the panel that each place is on."""
-        panel = np.searchsorted(self.edges, places, side="right") - 1
-        return [int(k) * self.order for k in np.clip(panel, 0, self.panels - 1)]
-
     @cached_property
     def from_finer(self) -> Callable[[Array], Array]:
         """Nodal values on `finer` -> values of its panels' polynomials at the nodes here."""

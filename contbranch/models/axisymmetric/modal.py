@@ -82,13 +82,6 @@ class ModeSpace:
         fields.derived["modes"] = space
         return space
 
-    @property
-    def blocks(self) -> tuple[list[int], list[int]]:
-        """First functions of the panels, and first radii at which these are seen."""
-        mesh, even = self.mesh, self.mesh.rule.even_order
-        panels = range(mesh.panels)
-        return [max(0, even + (k - 1) * mesh.order) for k in panels], [k * (mesh.order + EXTRA) for k in panels]
-
     def plane(self, m: int) -> Array:
         """A_m on the orthonormal trial functions, (M, N)."""
         inner, outer = planes(self.mesh, self.radius, m)

@@ -313,14 +313,9 @@ class ContactProblem(MeshedContact):
         still, h = (self, last.x) if self.mesh.roots else self.still(last.x)
         disc = still._behind()
         start = disc.touching(h)
-        problem = start.problem
-        kinked = isinstance(problem, ContactProblem) and bool(start.label) and (problem.flat or disc.resists(h))
-        step = problem.ahead(start.x) if isinstance(problem, ContactProblem) and kinked else None
-        if step and step**2 * problem.inner(start.tangent_x, start.tangent_x) > problem.inner(start.x, start.x):
-            step = None  # a dimple far smaller than the film touches
         start = begun(start) if self.mesh.roots else start
         starts = (start,) if start.label and not disc.flat else (*islice(disc.passed(start), 1), start)
-        return Succession("touch", last, starts, step=step, others=lambda: disc.passed(start))
+        return Succession("touch", last, starts, others=lambda: disc.passed(start))
 
     @property
     def _ahead(self) -> float:
@@ -388,65 +383,29 @@ class ContactProblem(MeshedContact):
     def touching(self, x: Array) -> Point:
         """First touch as a point of the side in contact, towards larger contacts, on a mesh that resolves it.
 
-        Labelled, unless the contact that has passed the kink of a stiff film was not found.
+        Labelled, unless a stiff film has a kink there.
         """
         problem, x = self.resolved(x, 0.0, AHEAD * self.resolution.tolerance)
         problem, x = problem.anchored(problem.fitting(x, 0.0), x, 0.0)
-        kinked = (problem.moves or bool(problem.mesh.roots)) and problem.resists(x)
-        if kinked and (found := problem._beyond(x)):
-            return found
         rate, one = problem.direction(x, 0.0)
+        kinked = (problem.moves or bool(problem.mesh.roots)) and problem.resists(x)
         return annotated(Point(problem, x, 0.0, rate, one, label="" if kinked else "start"))
 
-    def ahead(self, x: Array) -> float:
-        """Parameter of a contact that has long passed the kink at first touch x, seen from the front."""
-        radius, mesh = SEEN, self.seen(x, 0.0)[0].mesh
-        if self.motion is not None and not self.motion.ends:
-            radius *= self.motion.lead.place * self._stretch(x)
-        if self.flat:
-            radius = max(min(radius, DISHED * mesh.innermost), self._clear(x))
-        return self._grown(radius)
+    def sizes(self, x: Array) -> list[float]:
+        """Parameters of contacts that have passed the kink at first touch x, from the likeliest on.
 
-    def _grown(self, radius: float) -> float:
-        """Parameter of a contact of this radius."""
-        return self.parameter(self.equations.coordinate.of(radius, 0.0))
-
-    def _clear(self, x: Array) -> float:
-        """Radius from which on a contact is a disc, as first touch foretells it."""
-        if not self.flat:
-            return 0.0
-        equations, fields = self.seen(x, 0.0)
-        return CLEAR * equations.dish(fields)
-
-    def _beyond(self, x: Array) -> Point | None:
-        """First touch in a stiff film, on a mesh made for a contact that has passed its kink; None if none is found.
-
-        The limit of the slope at first touch holds for contacts below the length of elasticity's answer only.
+        One is far smaller than the length on which elasticity answers the interaction, others are shares of the radius
+        of the film's front, or, under a flat tip, of the innermost panel. All are larger than a ring that comes first.
         """
-        ahead = self.ahead(x)
-        here = self.solve_at(x, ahead)
-        if not self._settled(here, ahead):
-            return None
-        problem, here = self.resolved(here, ahead, self.resolution.tolerance)
-        x = problem.solve_at(here, 0.0)
-        return annotated(Point(problem, x, 0.0, (here - x) / ahead, 1.0, label="start"))
-
-    def _small(self, x: Array) -> float:
-        """Parameter of a contact far smaller than the length on which elasticity answers the interaction."""
-        return self._grown(max(BELOW * self.answer(x), self._clear(x)))
-
-    def _settled(self, x: Array, p: float) -> bool:
-        """Whether Newton's method has found a solution: on the mesh, too, whose front may have left it."""
-        try:
-            off = magnitude(self.residual(x, p))
-        except UnresolvedError:
-            return False
-        return off <= SETTLED * magnitude(x) and not self.lost(x, p)
-
-    def _open(self, x: Array, p: float) -> bool:
-        """Whether the gap opens at the rim, as it must under a flat tip, where a ring may be passed over."""
-        equations, fields = self.seen(x, p)
-        return not self.flat or float(equations.opening(fields, np.zeros(1))[0]) >= 0.0
+        equations, fields = self.seen(x, 0.0)
+        clear = CLEAR * equations.dish(fields) if self.flat else 0.0
+        small, large = max(BELOW * 0.5 / max(1.0, magnitude(fields.stiffness)), clear), SEEN * equations.mesh.innermost
+        if self.motion is not None and not self.motion.ends:
+            large = SEEN * self.motion.lead.place * self._stretch(x)
+        if self.flat:
+            large = max(min(large, DISHED * equations.mesh.innermost), clear)
+        radii = [*(large * 2.0**k for k in range(LARGER if self.flat else 1)), small]
+        return [self.parameter(equations.coordinate.of(radius, 0.0)) for radius in radii]
 
     def passed(self, start: Point) -> Iterator[Point]:
         """Contacts that have passed their kink.
@@ -458,16 +417,14 @@ class ContactProblem(MeshedContact):
         problem = equilibrium(start)
         if not isinstance(problem, ContactProblem):
             return
-        small, ahead = problem._small(start.x), problem.ahead(start.x)
-        sizes = [small, ahead]
-        if problem.flat:
-            radius = problem.equations.coordinate.radius(problem.coordinate(ahead))
-            sizes = [*(problem._grown(radius * 2.0**k) for k in range(LARGER)), small]
-        for ahead in sizes:
+        for ahead in problem.sizes(start.x):
             x = problem.solve_at(start.x + ahead * start.tangent_x / start.tangent_parameter, ahead)
-            if not (problem._settled(x, ahead) and problem._open(x, ahead)):
-                continue
             try:
+                if not magnitude(problem.residual(x, ahead)) <= SETTLED * magnitude(x) or problem.lost(x, ahead):
+                    continue
+                equations, fields = problem.seen(x, ahead)
+                if problem.flat and float(equations.opening(fields, np.zeros(1))[0]) < 0.0:  # a ring was passed over
+                    continue
                 found, x = problem.resolved(x, ahead, problem.resolution.tolerance)
                 rate, one = found.direction(x, ahead)
                 found.examine(x, ahead)
@@ -656,10 +613,6 @@ class ContactProblem(MeshedContact):
         coordinate = ContactCoordinate(tip, old.coordinate.power)
         equations = Equations(tip, contact.interaction, old.mesh, coordinate, old.contact, old.regions, old.level)
         return replace(self, equations=equations, resolution=resolution)
-
-    def answer(self, x: Array) -> float:
-        """The length on which elasticity answers the interaction at first touch."""
-        return 0.5 / max(1.0, magnitude(self.fields(x, 0.0).stiffness))
 
     def resists(self, x: Array) -> bool:
         """Whether the film at first touch is so stiff that a contact has a kink of its own, or the pressure jumps."""

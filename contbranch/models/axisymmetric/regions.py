@@ -129,8 +129,10 @@ def _breaches(equations: Equations, fields: Fields, scale: float, narrow_ring: f
         for level, sign, index in bounds:
             centre = sign * (-fields.y - level) / scale if k == 0 and not equations.contact else math.nan
             rests = law.holds(index)
-            above, below = law.bounds(index)
-            passes = PASSES * max(below - above, 0.0) * width if index in jumps else 0.0
+            passes = 0.0
+            if index in jumps:
+                above, below = law.bounds(index)
+                passes = PASSES * max(below - above, 0.0) * width
             ends = not (rests and (index or len(equations.resting)))  # there the range of the parameter does
             new = Region(True, index) if rests else Region(False, index if sign < 0.0 else index - 1)
             for value, radius in at(sign * (fields.gap[nodes] - level) / scale, False, centre, passes / scale):
