@@ -93,7 +93,7 @@ def test_contact_begins_on_a_ring_where_the_gap_says(case, d, load, accuracy, mo
 def test_a_stiff_contact_grows_from_a_ring():
     """Steps are as long as the curve allows; on tips z ∝ rⁿ (2n + 1) V_ela + 2 V_fr − n ∫ g p d²r = n F d."""
     exponent = 3.5
-    contact = cb.Contact(cb.PowerLaw(exponent, 1.0), cb.Gauss(1.0, 0.07), 1.0)
+    contact = cb.Contact(cb.PowerLaw(exponent, 1.0), cb.Gauss(1.0, 0.3), 1.0)
     diagram = cb.trace(contact, accuracy=1e-4, modes=0)
     assert diagram.status == "complete", diagram.message
     assert len(diagram.branches[0].load) < 150

@@ -229,9 +229,8 @@ def born(points: Sequence[Point]) -> Succession:
 
 def failed(points: Sequence[Point]) -> tuple[Point, int]:
     """Where the inequalities fail exactly, and how many of the points lie beyond: discs are followed with tolerance."""
-    equations = problem_of(points[-1]).equations
     right = next((k for k in reversed(range(len(points))) if margin_of(points[k]) > 0.0), None)
-    if equations.mesh.roots or not equations.contact or right is None:
+    if right is None or not problem_of(points[-1]).tolerant:
         return points[-1], 1
     event = along(points[right], narrowest(points[right]), [Margin("breach")])
     if event.label != "breach":
@@ -392,7 +391,7 @@ def vanished(points: Sequence[Point]) -> Succession:
         raise ModelError("a region vanished, but not where its inequality says")
     event = event.turned() if right else event
     kind, message = change(event, failing(event), growing=False)
-    if problem_of(event).equations.contact and not problem_of(event).mesh.roots:  # which is followed with tolerance
+    if problem_of(event).tolerant:
         return Succession(kind, event, (event,), message=message, margin="breach")
     start = joined if right else along(event, width, [], lambda found: margin_of(found) > 0)
     step = max(width, SHORTEST)

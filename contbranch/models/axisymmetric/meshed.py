@@ -39,10 +39,9 @@ __all__ = ["MeshedContact"]
 SLACK = 0.06
 # A step to a solution whose error exceeds the tolerance by this factor is repeated shorter, so that meshes can follow.
 UNRESOLVED = 20.0
-# A change of mesh may move the solution by this multiple of its error estimate.
-LEAP = 30.0
-# ... and ln of the stretch by this much, and breakpoints by this share of their places.
-STRETCHED = 0.1
+# A change of mesh may move load and displacement by this multiple of their error estimates, and ln of the stretch by
+# this much, and breakpoints by this share of their places.
+SAFETY, STRETCHED = 3.0, 0.1
 # Gaps, in ranges, that no solution has.
 DEEPEST = 0.5
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
@@ -184,16 +183,11 @@ class MeshedContact(MovingContact):
         problem = self
         start = x
         for _ in range(ROUNDS):
-            expected = problem.error(start, p).state
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
-            change, told = found - carried, trial.told(problem)
-            moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
-            moved = min(magnitude(by[told]) for by in moves)
-            away = np.abs(change[trial.size :])
+            away = np.abs(found - carried)[trial.size :]
             away[1:] /= [one.place for one in trial.others]
-            astray = bool((away > STRETCHED).any()) or trial.lost(found, p)
-            if astray or not moved <= LEAP * expected + 1e-6 * self.scale:
+            if bool((away > STRETCHED).any()) or trial.lost(found, p) or not trial._foretold(found, problem, start, p):
                 break  # Newton's method has left for another solution
             problem, start, last, error = trial, found, error, trial.relative_error(found, p)
             spent = problem.sharpness == SHARPEST and error > HELPS * last  # what is left is rounding
@@ -202,6 +196,14 @@ class MeshedContact(MovingContact):
             if (error <= resolution.tolerance or spent) and not (smooth and problem.rough(start, p)):
                 break
         return (self, x) if served and error > resolution.tolerance else (problem, start)
+
+    def _foretold(self, x: Array, coarse: Self, before: Array, p: float) -> bool:
+        """Whether load and displacement differ from those on a coarser mesh by no more than its errors."""
+        defect, old, new = coarse.error(before, p), coarse.values(before, p), self.values(x, p)
+        return all(
+            abs(b - a) <= SAFETY * abs(error) + self.resolution.tolerance * max(1.0, abs(a))
+            for a, b, error in zip(old[:2], new[:2], defect[:2], strict=True)
+        )
 
     def _stiff(self, fields: Fields) -> bool:
         return magnitude(fields.stiffness) * self.resolution.moving > STIFF
@@ -221,11 +223,6 @@ class MeshedContact(MovingContact):
         equations, fields = self.seen(x, p)
         within = self.within(x, p)
         return within > 0.0 and bool((roughness(equations, fields, equations.mesh.edges, within) > 1.0).any())
-
-    def told(self, coarse: Self) -> slice:
-        """Nodes at which a coarser mesh's panels tell the solution: not next to an edge, where it ends like a root."""
-        mesh, own = coarse.mesh, self.mesh
-        return slice(int(np.searchsorted(own.nodes, mesh.edges[-2])) if own.bounded else None)
 
     def fitting(self, x: Array, p: float) -> Motion | None:
         """With what the mesh is to move at a state: the present motion as long as it serves."""

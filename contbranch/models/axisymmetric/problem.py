@@ -249,7 +249,7 @@ class ContactProblem(MeshedContact):
         equations, fields = self.seen(x, p)
         extent = equations.tip.extent
         breach = least_margin(equations, fields, self.scale, self.narrow_ring)
-        tolerated = PRESSURE_TOLERANCE if equations.contact and not self.mesh.roots else 0.0
+        tolerated = PRESSURE_TOLERANCE if self.tolerant else 0.0
         known = {"inadmissible": 1.0 if breach is None else min(breach.margin, 1.0) + tolerated}
         known |= {"narrow": narrowness(self.vanishing, radii_of(equations, fields))} if any(self.vanishing) else {}
         return known if math.isinf(extent) else known | {"tip-edge": WHOLE - self._outermost(x, p) / extent}
@@ -276,12 +276,17 @@ class ContactProblem(MeshedContact):
         load, displacement, radius, gap = (share * max(1.0, abs(value)) for value in self.values(x, p)[:4])
         return load, displacement, radius, gap
 
+    @property
+    def tolerant(self) -> bool:
+        """Whether it is a disc at the wall under a smooth law: followed with tolerance."""
+        return self.equations.contact and len(self.equations.law.levels) == 1 and not self.mesh.roots
+
     def cause(self, name: str, point: Point) -> str:
         """Next to the edge of a tip, a corner at which films are squeezed out first, no ring follows a disc."""
         if name != "inadmissible" or math.isinf(extent := self.equations.tip.extent):
             return name
         breach = least_margin(*self.seen(point.x, point.parameter), self.scale, self.narrow_ring)
-        return "tip-edge" if breach is not None and breach.radius > OUTERMOST * extent else name
+        return "tip-edge" if breach and breach.new.rests and breach.radius > OUTERMOST * extent else name
 
     def margin(self, x: Array, p: float, name: str) -> float:
         """Also the inequalities of contact, not limited."""
