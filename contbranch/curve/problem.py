@@ -530,15 +530,6 @@ class EquilibriumProblem(Problem):
         return Defect(0.0, 0.0, 0.0)
 
     @property
-    def moves(self) -> bool:
-        """Whether the discretisation moves along the curve, while that which `resolving` makes stays where it is."""
-        return False
-
-    def close_to(self, point: Point) -> Self:
-        """The same problem with what moves along the whole curve alone, which is enough close to a point."""
-        return self
-
-    @property
     def size(self) -> int:
         """Number of unknowns, where it can be refined."""
         return 1

@@ -26,15 +26,15 @@ from .equations import Equations, Fields
 from .mesh import Mesh
 
 __all__ = [
-    "EXTENT", "LIFTED", "RESTING", "STEEPEST", "AstrayError", "Breakpoint", "EdgeRow", "Motion", "Row", "Seen",
-    "extent_leads", "law_leads", "moved_with", "of_law", "shortened", "steepest", "to_edge", "with_edges",
+    "CROSSING", "EXTENT", "LIFTED", "RESTING", "STEEPEST", "AstrayError", "Breakpoint", "EdgeRow", "Motion", "Row",
+    "Seen", "extent_leads", "law_leads", "moved_with", "of_law", "shortened", "steepest", "to_edge", "with_edges",
 ]  # fmt: skip
 
 Seen = tuple[Equations, Fields]
 
 # Keys of breakpoints that are not of the law, whose own count from 0: the steepest pressure, the edge of the tip, edges
-# of what rests.
-STEEPEST, EXTENT, RESTING = -1, -2, -3
+# of what rests. Keys of two crossings of one gap differ by the last number.
+STEEPEST, EXTENT, RESTING, CROSSING = -1, -2, -3, 1000
 # A breakpoint of the law counts from this share of the radius at which the tip itself has that gap, down to the second
 # share of that once it has counted; its motion counts in the inner product of states at least like an h of the third
 # share of its gap.
@@ -145,8 +145,8 @@ class Breakpoint:
     slope : float
         Of the gap when it was found: the equation is one of lengths.
     key : int
-        By which it is known on other meshes: of the law the number of its gap, plus the number of those for each
-        crossing of that gap farther out, or what it is otherwise.
+        By which it is known on other meshes. Of the law: the number of its gap in `Equations.marks`, plus `CROSSING`
+        for each crossing of that gap farther out.
     weight : float
         Of its motion in the inner product of states.
     side : int
@@ -181,8 +181,7 @@ class Breakpoint:
             rests, floats = equations.beside(k, inside=self.side < 0)
             row = Row(*mesh.row(self.place, self.side > 0), equations.law.pressure(floats.index, rests.index), True)
         else:
-            gaps = equations.marks
-            value = self.gap if self.key < 0 else gaps[self.key % len(gaps)]
+            value = equations.marks.get(self.key % CROSSING, self.gap) if self.key >= 0 else self.gap
             at = np.flatnonzero(mesh.edges[list(mesh.roots)] == self.place) + mesh.size
             row = Row(slice(at[0], at[0] + 1), np.ones(1), value) if at.size else Row(*mesh.row(self.place), value)
         return replace(row, weights=row.weights / self.slope, value=row.value / self.slope)
@@ -216,6 +215,11 @@ class Motion:
     def of_law(self) -> bool:
         """Whether the law has a kink or a step at the leading breakpoint."""
         return self.lead.key >= 0
+
+    @property
+    def edges(self) -> list[float]:
+        """Places that are edges of panels: all but that of the steepest pressure where it leads."""
+        return [one.place for one in (self.all if self.of_law else self.others)]
 
     @property
     def all(self) -> tuple[Breakpoint, ...]:
@@ -253,7 +257,7 @@ class Motion:
         for one in self.others:
             place = known.get(one.key)
             if place is None and not one.root:
-                found = crossings(equations.mesh, fields, one.gap).get(max(0, one.key) // max(1, len(equations.marks)))
+                found = crossings(equations.mesh, fields, one.gap).get(max(0, one.key) // CROSSING)
                 place = None if found is None else found[0]
             moves.append(0.0 if place is None else place * math.exp(-sigma) - one.place)
         return np.array([sigma, *moves])
@@ -301,6 +305,7 @@ def with_edges(edges: Array, places: Sequence[float]) -> Array:
     for place in places:
         away = np.abs(edges - place) > NEXT * np.minimum(edges, place)
         away[[0, -1]] = True
+        away |= np.isin(edges, places)
         inner = [INNERMOST * place] if edges[1] > INNERMOST * place else []
         edges = np.unique(np.append(edges[away], [*inner, place]))
     return edges
@@ -361,7 +366,8 @@ def steepest(seen: Seen, present: Motion | None, unit: Mesh, radius: float) -> M
     equations, fields = seen
     mesh = equations.mesh
     if present is not None and not present.power and _pressed(equations, fields):
-        present, unit = None, mesh  # a film's is another
+        present = None  # a film's is another
+    unit = mesh if present is None else unit
     slope = mesh.derivative(fields.gap) * (mesh.end / unit.end)
     serving = None
     if present is not None:
@@ -402,15 +408,15 @@ def of_law(seen: Seen, lead: Breakpoint, known: dict[int, float], stiff: bool) -
         Places of those that move already, by their keys.
     """
     equations, fields = seen
-    mesh, gaps, kinks = equations.mesh, equations.marks, len(equations.kinks)
+    mesh, kinks = equations.mesh, len(equations.kinks)
     wave = math.inf if equations.interaction is None else equations.interaction.wave
     found = []
-    for k, gap in enumerate(gaps):
+    for k, gap in equations.marks.items():
         if lead.key == STEEPEST if k < kinks else not stiff:
             continue
         crossed = crossings(mesh, fields, gap)
         for number, (place, slope) in crossed.items():
-            key = k + number * len(gaps)
+            key = k + number * CROSSING
             place = known.get(key, place)
             away = min([place, *(abs(place - other) for n, (other, _) in crossed.items() if n != number)])
             share = STAYS if key in known else 1.0
@@ -418,6 +424,7 @@ def of_law(seen: Seen, lead: Breakpoint, known: dict[int, float], stiff: bool) -
             least = share * LEAST_DISTANCE * equations.tip.radius_at(gap)
             if k >= kinks:
                 beside = max(place / lead.place, lead.place / place) < 1.0 + share * (BESIDE_LEAD - 1.0)
+                beside &= lead.key != EXTENT
                 wide = LAYER * wave / abs(slope) > NARROW * place / share
                 least = math.inf if beside or wide else least
             if math.isfinite(slope) and min(away, apart, float(mesh.end) - place) > least:

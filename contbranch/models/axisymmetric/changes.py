@@ -229,9 +229,11 @@ def born(points: Sequence[Point]) -> Succession:
 
 def failed(points: Sequence[Point]) -> tuple[Point, int]:
     """Where the inequalities fail exactly, and how many of the points lie beyond: discs are followed with tolerance."""
-    right = next((k for k in reversed(range(len(points))) if margin_of(points[k]) > 0.0), None)
-    if right is None or not problem_of(points[-1]).tolerant:
+    if not problem_of(points[-1]).tolerant:
         return points[-1], 1
+    right = next((k for k in reversed(range(len(points))) if margin_of(points[k]) > 0.0), None)
+    if right is None:
+        raise ModelError("no admissible state was left")
     event = along(points[right], narrowest(points[right]), [Margin("breach")])
     if event.label != "breach":
         raise ModelError("where the contact set changes its inequality could not be told")
@@ -356,7 +358,7 @@ def seeded(point: Point, breach: Breach) -> Point:
         if margin_of(found) >= -FAILS:
             doubtful.append((max(beyond, uncertain, 0.0), found))
     if not doubtful:
-        sharp = problem.equations.tip.apex_exponent <= 1.0 and breach.radius == 0.0
+        sharp = tip.apex_exponent <= 1.0 and breach.radius == 0.0 and breach.new.rests and breach.new.index > 0
         raise ModelError(
             "the tip is too sharp for so stiff a film: describe its apex as rounded"
             if sharp

@@ -406,7 +406,7 @@ class Equations:
 
         The kernels are homogeneous: `abel` grows with the mesh, and `plane` depends on the rim's radius in its units.
         """
-        if "spread" not in fields.derived:
+        if (kept := f"spread {power}") not in fields.derived:
             a, gap = fields.rim.radius, self._rising(fields)
             if a > 0:
                 gap -= 2 * a * a * fields.rim.plane_slope(fields.h - fields.rim_value)
@@ -417,8 +417,8 @@ class Equations:
             residual = power * fields.h + self.mesh.abel_of(answer - fields.pressure)
             if len(self.resting):
                 residual = np.append(residual, gap[self.resting])
-            fields.derived["spread"] = gap, residual
-        gap_rate, residual_rate = fields.derived["spread"]
+            fields.derived[kept] = gap, residual
+        gap_rate, residual_rate = fields.derived[kept]
         return gap_rate, residual_rate
 
     def _rising(self, fields: Fields) -> Array:
@@ -484,7 +484,7 @@ class Equations:
         rho = self.mesh.nodes
         surface = 2 * np.pi * float(self.mesh.weights @ (rho * fields.energy_density))
         if a > 0:
-            surface += np.pi * a * a * self._touching[0]
+            surface += np.pi * a * a * self._touching
         return elastic + surface + beyond.energy
 
     def load_beyond(self, fields: Fields) -> Array:
@@ -650,10 +650,6 @@ class Equations:
         values = np.tensordot(coefficients, chebyshev_values(mesh.rule.even_order, local), 1)
         return values * (2 / mesh.innermost**2)
 
-    def contact_pressure(self) -> float:
-        """p_fr(0), the interaction's pressure where the surfaces touch."""
-        return self._touching[1]
-
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """The gaps at which the stiffness jumps, or the pressure within the mesh, from far away inwards."""
@@ -668,9 +664,9 @@ class Equations:
         return tuple(self.law.levels[max(pair)] for pair in floats)
 
     @cached_property
-    def marks(self) -> tuple[float, ...]:
-        """The same, and the gaps between layers."""
-        return (*self.kinks, *self.law.layers)
+    def marks(self) -> dict[int, float]:
+        """Gaps of the law at which breakpoints lie, by numbers: kinks, then layers from the wall on."""
+        return dict(enumerate((*self.kinks, *self.law.layers)))
 
     @cached_property
     def softens(self) -> bool:
@@ -678,11 +674,9 @@ class Equations:
         return self.interaction is not None and float(self.interaction.evaluate(np.zeros(1))[2][0]) < 0.0
 
     @cached_property
-    def _touching(self) -> tuple[float, float]:
-        """Energy per area and pressure of the interaction where the surfaces touch."""
-        if self.interaction is None:
-            return 0.0, 0.0
-        return self.law.energy(self.level), self.law.bounds(self.level)[0]
+    def _touching(self) -> float:
+        """Energy per area of the interaction where the surfaces touch."""
+        return 0.0 if self.interaction is None else self.law.energy(self.level)
 
     def opening(self, fields: Fields, tau: Array) -> Array:
         """phi'(t)/t on the innermost panel, with ``phi = h + zeta − d``.

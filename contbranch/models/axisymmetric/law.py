@@ -53,13 +53,15 @@ class BandedLaw:
 
     @cached_property
     def layers(self) -> tuple[float, ...]:
-        """Gaps between layers of the fluid, where the smooth law gives way most, from far away inwards."""
+        """Gaps between layers of the fluid, where the smooth law gives way most, from the wall on."""
         if self.smooth is None or math.isinf(wave := self.smooth.wave):
             return ()
         gaps = np.arange(0.0, self.smooth.reach(WEAKEST_LAYER), wave / PLACES_PER_WAVE)
         stiffness = self.smooth.evaluate(gaps).stiffness
         least = (stiffness[1:-1] < stiffness[:-2]) & (stiffness[1:-1] <= stiffness[2:]) & (stiffness[1:-1] < 0.0)
-        return tuple(gaps[1:-1][least][::-1].tolist())
+        k = np.flatnonzero(least) + 1
+        below, at, above = stiffness[k - 1], stiffness[k], stiffness[k + 1]
+        return tuple((gaps[k] + (gaps[1] - gaps[0]) * (below - above) / (2 * (below - 2 * at + above))).tolist())
 
     def holds(self, level: int) -> bool:
         """Whether the gap can rest at a level: at the wall, and where a repulsion ends."""

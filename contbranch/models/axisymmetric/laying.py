@@ -10,7 +10,7 @@ import numpy as np
 from contbranch.arrays import Array, magnitude
 from contbranch.contact.interaction_law import terms_of
 
-from .breakpoints import LIFTED, RESTING, Breakpoint, Motion
+from .breakpoints import CROSSING, LIFTED, RESTING, Breakpoint, Motion
 from .equations import Equations, Fields
 from .layout import Region
 
@@ -109,9 +109,9 @@ def led_by(equations: Equations, fields: Fields, edge: Breakpoint | None = None)
             one = Breakpoint(place, pressure, pressure, RESTING - k, weight / place**2, side, True)
         else:
             gap = law.levels[max(inner.index, outer.index)]
-            key = equations.marks.index(gap)
+            key = equations.kinks.index(gap)
             while key in [other.key for other in found]:  # farther in, at another place
-                key += len(equations.marks)
+                key += CROSSING
             one = Breakpoint(place, gap, scale / place, key, weight / place**2, 0, True)
         found.append(one)
     if edge:

@@ -152,7 +152,8 @@ class MeshedContact(MovingContact):
 
         def moved(x: Array, p: float, x_rate: Array, p_rate: float) -> tuple[Array, Array]:
             state, rate = self.carried(x, x, p, problem), self.carried(x_rate, x, p, problem)
-            return state, rate if self.mesh.roots else problem.following(rate, state, p, p_rate)
+            alike = self.mesh.roots or (problem.motion is not None and self._moves_alike(problem.motion))
+            return state, rate if alike else problem.following(rate, state, p, p_rate)
 
         def transfer(vector: Array) -> Array:
             return np.append(self.equations.carried(vector[:n], problem.equations), vector[n:])
@@ -168,7 +169,7 @@ class MeshedContact(MovingContact):
         equations, fields = self.seen(x, p)
         resolution, mesh = self.resolution, self.placed(x).mesh
         allowed = resolution.tolerance * self._units(equations, fields)[0]
-        reach = self._reach(equations, fields, 0.1 * allowed)
+        reach = self._reach(x, equations, fields, 0.1 * allowed)
         error = self.relative_error(x, p)
         served = not self.rough(x, p) and error <= resolution.tolerance and reach <= equations.mesh.end
         served = served and not (mesh.roots and too_long(mesh.edges, mesh, OUTGROWN).any())
@@ -229,8 +230,9 @@ class MeshedContact(MovingContact):
         if self.mesh.roots and self.motion is not None:
             crushed = self.others and shortened(self.mesh, self.placed(x).mesh.edges) < RELAID
             return self.motion_at(x) if crushed else self.motion
-        if (found := self._led(x, p)) is None:
-            return None
+        found = self._led(x, p)
+        if found is None or (found is self.motion and not self.resolution.moving):
+            return found
         seen, now = self.seen(x, p), self.placed(x).mesh
         stretch, same = float(seen[0].mesh.end / now.end), found is self.motion
         unit = stretch if self._stretched_alike(found) else 1.0
@@ -240,7 +242,7 @@ class MeshedContact(MovingContact):
         others = of_law(seen, lead, known, stiff) if seen[0].marks else ()
         if found.ends and stiff and not others:  # the steepest pressure moves besides
             present = self.others[0].stretched(known[STEEPEST], stretch) if STEEPEST in known else None
-            inner = steepest(seen, Motion(present) if present else None, seen[0].mesh, self.resolution.moving)
+            inner = steepest(seen, Motion(present, (), 1.0) if present else None, seen[0].mesh, self.resolution.moving)
             others = () if inner is None else (inner.lead,)
         stay = same and {(one.key, one.gap) for one in others} == {(one.key, one.gap) for one in self.others}
         if stay and not (others and shortened(self.mesh, now.edges) < SHORTER):
@@ -283,7 +285,7 @@ class MeshedContact(MovingContact):
                 edges = np.append(edges[:-1] if base.mesh.bounded else edges[edges < INSIDE * last], last)
             elif motion.of_law and not self.fields(x, p).pressure[base.mesh.nodes > last].any():  # nothing lies beyond
                 edges = np.append(edges[edges < last], last)
-            edges = with_edges(edges, [one.place for one in motion.all if one.key >= 0 or one is not motion.lead])
+            edges = with_edges(edges, motion.edges)
         problem = replace(base, equations=before.on(self._mesh(edges, motion, bounded)), motion=motion)
         found = before.carried(state, problem.equations)
         return problem, found if motion is None else np.concatenate([found, [sigma], np.zeros(len(motion.others))])
@@ -293,7 +295,7 @@ class MeshedContact(MovingContact):
         equations, fields = self.seen(x, p)
         unit, tolerance = self.placed(x).mesh, self.resolution.tolerance if tolerance is None else tolerance
         allowed = tolerance * self._units(equations, fields)[0]
-        reach = self._reach(equations, fields, 0.03 * allowed)
+        reach = self._reach(x, equations, fields, 0.03 * allowed)
         end = equations.mesh.end
         sharpness = self.sharpness
         if reach > end:
@@ -309,7 +311,7 @@ class MeshedContact(MovingContact):
     def _kept(self, x: Array) -> list[float]:
         """Breakpoints that are edges of panels."""
         motion = self.motion_at(x)
-        return [] if motion is None else [one.place for one in motion.all if one.key >= 0 or one is not motion.lead]
+        return [] if motion is None else motion.edges
 
     def _sharpened(self, x: Array, p: float, tolerance: float) -> float:
         """The factor by which the guide is too optimistic here: as it was, or as the error of a state shows."""
@@ -318,12 +320,13 @@ class MeshedContact(MovingContact):
         shown = min(max(2 * error / max(guide, 1e-16), 1.0), SHARPEST)
         return max(self.sharpness, shown) if error > tolerance else min(self.sharpness, shown)
 
-    def _reach(self, equations: Equations, fields: Fields, tolerance: float) -> float:
+    def _reach(self, x: Array, equations: Equations, fields: Fields, tolerance: float) -> float:
         """How long the mesh is to be; all breakpoints lie on it."""
         mesh = equations.mesh
         if mesh.bounded:
             return float(mesh.end)
-        farthest = max((one.place for one in self.motion.all), default=0.0) / self.mesh.end if self.motion else 0.0
+        motion = self.motion_at(x)
+        farthest = 0.0 if motion is None else max(one.place for one in motion.all) / float(self.mesh.end)
         return max(needed_reach(equations, fields, tolerance), farthest * float(mesh.end))
 
     def on(
@@ -351,7 +354,7 @@ class MeshedContact(MovingContact):
 
     @property
     def moves(self) -> bool:
-        """Whether the steepest pressure leads, or layers move besides: what is made for a state may move otherwise."""
+        """Whether the steepest pressure leads."""
         return self.motion is not None and not (self.motion.ends or self.motion.of_law)
 
     def finer(self) -> Self:
@@ -433,13 +436,6 @@ class MeshedContact(MovingContact):
             return False
         one, two = self.equations, other.equations
         return (one.contact, one.level, one.regions) == (two.contact, two.level, two.regions)
-
-    def close_to(self, point: Point) -> Self:
-        """With other breakpoints at rest where a state has them: they hardly move close by, and meshes need not be made
-        anew."""
-        if not self.others or self.motion is None or self.mesh.roots:
-            return self
-        return replace(self, equations=self.placed(point.x), motion=replace(self.motion, others=()))
 
     def resolving(self, point: Point, tolerance: float) -> Self:
         """A mesh made for a state; in a tiny contact with panels graded down to its radius.

@@ -286,7 +286,7 @@ class MovingContact(EquilibriumProblem):
 
     def others_at(self, x: Array) -> tuple[Breakpoint, ...]:
         """The other breakpoints where a state has them, on its mesh before that is stretched."""
-        moved = zip(self.others, x[self.size + 1 :], strict=False)
+        moved = zip(self.others, x[self.size + 1 :], strict=True)
         return tuple(replace(one, place=one.place + b) for one, b in moved)
 
     def motion_at(self, x: Array) -> Motion | None:

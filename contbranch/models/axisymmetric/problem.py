@@ -552,15 +552,16 @@ class ContactProblem(MeshedContact):
         response = equations.response(fields)
         response.flat[:: n + 1] += 1.0
         gaps = gaps.T - fields.rim.plane_to_targets @ np.linalg.solve(response, residuals.T)
-        form, signs = [], []
-        for k in jumping:
-            one = breakpoints[k]
-            above, below = equations.law.bounds(equations.law.levels.index(one.gap))
-            place = one.place * (one.place if k == 0 else 1.0)  # of the leading one, the logarithm moves
-            form.append((above - below) * place * one.slope * self.rows[k].by_gap(gaps.T))
-            signs.append(above < below)
-        matrix = np.array(form)
-        return int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0.0).sum()) - sum(signs)
+        gap_rates = np.array([breakpoints[k].slope * self.rows[k].by_gap(gaps.T) for k in jumping])
+        stretch, own = self._stretch(x), self.motion_at(x)
+        assert own is not None
+        places = stretch * np.array([own.all[k].place for k in jumping])
+        moves = stretch * np.equal.outer(jumping, jumping).astype(float)
+        moves[:, np.equal(jumping, 0)] = places[:, None]  # with the leading one, all
+        bounds = [equations.law.bounds(equations.law.levels.index(breakpoints[k].gap)) for k in jumping]
+        steps = np.array([above - below for above, below in bounds])
+        matrix = moves.T @ ((steps * places)[:, None] * gap_rates)
+        return int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0.0).sum()) - int((steps < 0.0).sum())
 
     def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
         """Numbers of unstable modes cos mθ; none where no axisymmetric one is (see `azimuthal`, order in m).

@@ -74,8 +74,8 @@ class Rim:
         return self._innermost @ f[:n] + self.mesh.plane_to_targets[:, n:] @ (self.factor[n:] * f[n:])
 
     def drift(self, f: Array, edges: Array, nodes: Array) -> Array:
-        """Rates of ``plane @ f`` where edges and targets move at rates linear on every panel but the innermost, which
-        stays; (m, P + 1) and (m, N + R) -> (m, N + R)."""
+        """Rates of ``plane @ f`` where edges and targets move at rates linear on every panel; (m, P + 1) and (m, N + R)
+        -> (m, N + R). The innermost panel is to stay around a disc no larger than that."""
         mesh, a, n = self.mesh, self.radius, self.mesh.order
         f = np.concatenate([mesh.rule.project_even @ f[:n], f[n:]])
         weighted, relative, turned = self.factor * f, nodes / mesh.targets, a * a / np.hypot(a, mesh.nodes) ** 3 * f
