@@ -20,7 +20,6 @@ from contbranch.contact.interaction_law import Interaction
 from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.models.axisymmetric import Axisymmetric
-from contbranch.models.axisymmetric.equations import Equations, Fields
 from contbranch.models.axisymmetric.mesh import Mesh
 from contbranch.models.axisymmetric.problem import ContactProblem
 
@@ -39,21 +38,6 @@ SHARE, GRADING = 0.5, 4.0
 HALF_LINE = 24
 # Gauss nodes for integrals of the slope, which is smooth in q.
 NODES = 12
-
-
-def load_per_displacement(equations: Equations, fields: Fields) -> float:
-    """dF/dd = 2 (a + ∫_a^∞ δh dt) with (1 − B k A) δh = −B k s, in units of E: rim and its motion do not enter.
-
-    The gap answers a rigid motion by −s (s = 1 without contact), and phi(a) = 0 keeps the motion of the rim out: the
-    slope loses no digits where the rate of the load along the curve does.
-    """
-    response = equations.response(fields)
-    response.flat[:: len(response) + 1] += 1.0
-    answer = np.linalg.solve(response, equations.answered(fields, np.ones_like(fields.h)))
-    beyond, last = equations.beyond(fields), float(fields.rim.plane[-1] @ (answer - 1.0))
-    load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
-    load += beyond.load_per_displacement - beyond.load_per_gap * last
-    return load / (1.0 + beyond.shift_per_displacement - beyond.shift_per_gap * last)
 
 
 @dataclass(frozen=True)
@@ -118,7 +102,7 @@ class Side:
             equations.load(fields),
             equations.displacement(fields),
             (2.0 * order if self.contact else -1.0) * per_y,
-            load_per_displacement(equations, fields),
+            equations.load_per_displacement(fields),
         )
 
     def rise(self, start: float, stop: float, count: int = NODES) -> float:

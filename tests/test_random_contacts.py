@@ -83,13 +83,11 @@ def test_contact(seed, number):
     assert not list(random_contacts.violations(diagram)), drawn.words
 
 
-def test_a_curve_that_is_lost_is_followed_again_at_a_hundredth_of_the_accuracy():
-    """A flat tip in a soft film, whose first contacts are not told from noise: events against those asked for finer."""
+def test_first_contacts_in_a_soft_film_under_a_flat_tip():
+    """They are hardly told from noise: events against those asked for finer."""
     drawn = random_contacts.draw(9924, 42)
     diagram, finer = (cb.trace(drawn.contact, accuracy=accuracy) for accuracy in (1e-4, 1e-8))
     assert (diagram.status, finer.status) == ("complete", "complete")
-    assert "lost at this accuracy, but not at 1e-06" in diagram.message
-    assert "lost" not in finer.message
     for one, other in zip(diagram.events, finer.events, strict=True):
         assert (one.kind, one.control) == (other.kind, other.control)
         assert abs(one.load - other.load) <= one.error["load"] + other.error["load"]

@@ -115,10 +115,9 @@ def test_folds_closer_than_rates_tell_come_in_their_order():
 def test_work_from_row_to_row_is_the_change_of_energy_across_meshes():
     """Where meshes change, a row carried to the one before lies up to 1e-3 farther along the curve: that piece counts.
 
-    Discretisation errors of rows, a few 1e-8 here, are errors of energies, too.
+    Discretisation errors of rows, up to 1e-7 here, are errors of energies, too.
     """
-    law = cb.Layered(-1.0, 0.16140209683737686, wavelength=0.49066237438562565, phase=0.0)
-    contact = cb.Contact(cb.Parabola(1.0), law)
+    contact = cb.Contact(cb.Parabola(1.0), cb.Gauss(-1.0, 0.3))
     points = FollowedCurves(contact, choose(contact)[0]).track(Request(1e-8, DISPLACEMENT, 3.0)).points
     changes = 0
     for first, last in pairwise(points):
@@ -126,7 +125,7 @@ def test_work_from_row_to_row_is_the_change_of_energy_across_meshes():
             continue
         changes += first.problem is not last.problem
         work = work_along(first, [Piece(*linked(first, last))], last, 1e-10)
-        assert work == pytest.approx(last.observables["energy"] - first.observables["energy"], abs=5e-8)
+        assert work == pytest.approx(last.observables["energy"] - first.observables["energy"], abs=2e-7)
     assert changes > 5
 
 

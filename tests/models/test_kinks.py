@@ -26,8 +26,6 @@ class Hat(cb.Interaction):
 CONTACTS = {
     # The film comes to the edge of the tip: there were three pull-offs where there is one.
     "at the edge of a cap": cb.Contact(cb.SphericalCap(2.12), Parabolic(1.0, 0.34) + cb.Gauss(-0.144, 0.51)),
-    # The kink passes the edge next to a fold.
-    "across the edge of a cap": cb.Contact(cb.SphericalCap(1.48), Parabolic(1.0, 0.81) + cb.Gauss(-0.266, 1.17)),
     # The first fold is where the kink begins to be felt.
     "at a fold": cb.Contact(cb.SphericalCap(1.63), Parabolic(-1.0, 1.72) + cb.Gauss(0.954, 1.16)),
     "at a fold under a flat tip": cb.Contact(cb.PowerLaw(3.2, 1.0), Parabolic(1.0, 0.18) + cb.Gauss(-0.688, 0.155)),

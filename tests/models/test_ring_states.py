@@ -230,7 +230,7 @@ def test_annulus_without_interaction(inner: float, outer: float) -> None:
     floats, rests = Region(False, 0), Region(True, 0)
     start = ContactProblem(undeformed, 1.0, resolution)
     problem, x, p = laid(start, before, Layout((floats, rests, floats), False), np.array([inner, outer]))
-    held = holding(-1)  # the inner edge, to first order
+    held = holding((0,))  # the inner edge, to first order
     row = held(problem, x)
     point = resolved(oriented(problem, *solved(problem, x, p, row), row), held)
     problem, equations, state = seen(point)

@@ -37,6 +37,8 @@ BESIDE_EDGES = 4.5
 SHORTEN = 0.9
 # Length of the mesh in units of that on which elasticity answers the interaction, beyond which systems are refined.
 STIFF = 1e5
+# Length of the mesh in units of that on which elasticity answers the interaction, from which on films end abruptly.
+STIFF_FILM = 1e3
 # Panels are merged when the joint panel's error stays below this part of what is allowed, so that it is not split
 # again soon.
 MERGE = 0.1
@@ -122,11 +124,12 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
         tail = coefficients[:, -2:].max(axis=1)
         relative = np.divide(tail, largest, out=np.zeros_like(tail), where=largest > 0)
         total += 2 * np.pi * rho * length * weight * tail * np.minimum(1.0, 10 * relative)
-    # What is not smooth right beside an edge, with no node between, shows where the panels' polynomials meet.
+    # The end of a stiff film right beside an edge, with no node between, shows where the panels' polynomials meet.
     ends = pressure.reshape(-1, n) @ rule.lagrange(np.array([-1.0, 1.0])).T
     jump = np.zeros(len(edges))
     jump[1:-1] = np.where(np.isin(edges[1:-1], mesh.edges[list(mesh.roots)]), 0.0, np.abs(ends[:-1, 1] - ends[1:, 0]))
-    jump *= np.minimum(1.0, 10 * jump / max(magnitude(pressure), 1e-300))
+    if magnitude(fields.stiffness) * mesh.end < STIFF_FILM:
+        jump[:] = 0.0
     unseen = length * (1 + rule.nodes[0]) / 2
     total += 2 * np.pi * rho * unseen * np.maximum(jump[:-1], jump[1:])
     misfit = magnitude(rule.to_even[-2:] @ profile[:n])

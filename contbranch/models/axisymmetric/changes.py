@@ -224,6 +224,8 @@ def born(points: Sequence[Point]) -> Succession:
     kind, message = change(point, breach, growing=True)
     start = begun(seeded(point, breach))
     step = FIRST * narrowest(start)
+    if not kind:  # the range of the interaction begins, and all is nothing
+        return Succession("", point, (start,), step=step)
     return Succession(kind, point, (start,), same=False, dropped=dropped, step=step, message=message, margin="breach")
 
 
@@ -286,14 +288,17 @@ def seeds(point: Point, breach: Breach) -> Iterator[tuple[Layout, Array, tuple[i
     if k == 0 and not centre and new.rests:  # the disc that fills a ring soon
         filled = [(True, share * breach.radius) for share in FILLED]
         sizes = [*filled, *sizes] if breach.radius < FELT * math.sqrt(problem.scale) else [*sizes, *filled]
-    sharp, around = new.rests and new.index > 0 and tip.apex_exponent <= 1.0, layout.regions
+    sharp, around = new.rests and new.index > 0 and tip.apex_exponent < 2.0, layout.regions
     for inside, half in sizes:
         if not inside:
             ring = np.insert(radii, k, breach.radius + half * np.array([-1.0, 1.0]))
             yield layout.born(k, new, False), ring, (k + 1, k)
-        elif half < min(after, tip.extent) and not sharp:
+            continue
+        if not half < min(after, tip.extent):
+            continue
+        if not sharp or tip.apex_exponent > 1.0:
             yield layout.born(k, new, True), np.append(half, radii), (0,)
-        elif half < min(after, tip.extent):  # under a cone the pressure in the middle exceeds every bound
+        if sharp:  # under a cone the pressure in the middle exceeds every bound
             hole, jump = Region(False, new.index - 1), law.pressure(new.index - 1, new.index) - law.bounds(new.index)[0]
             steep = float(tip.height_derivative(np.float64(half)))
             width = CLOSING * math.exp(-math.pi * steep / (2 * jump))

@@ -353,6 +353,20 @@ class Equations:
         """``response @ h``, without that matrix; (N,)."""
         return self.mesh.abel_of(fields.stiffness * fields.rim.bent(h)[: self.mesh.size])
 
+    def load_per_displacement(self, fields: Fields) -> float:
+        """dF/dd = 2 (a + ∫_a^∞ δh dt) with (1 − B k A) δh = −B k s, in units of E: rim and its motion do not enter.
+
+        The gap answers a rigid motion by −s (s = 1 without contact), and phi(a) = 0 keeps the motion of the rim out:
+        the slope loses no digits where the rate of the load along the curve does.
+        """
+        response = self.response(fields)
+        response.flat[:: len(response) + 1] += 1.0
+        answer = np.linalg.solve(response, self.answered(fields, np.ones_like(fields.h)))
+        beyond, last = self.beyond(fields), float(fields.rim.plane[-1] @ (answer - 1.0))
+        load = 2.0 * (fields.rim.radius + float(fields.rim.weights @ answer))
+        load += beyond.load_per_displacement - beyond.load_per_gap * last
+        return load / (1.0 + beyond.shift_per_displacement - beyond.shift_per_gap * last)
+
     def multiplied(self, fields: Fields, h: Array) -> Array:
         """``jacobian @ h``, without that matrix: the gap hardly moves where a stiff film bears large changes of h."""
         if not len(self.resting):

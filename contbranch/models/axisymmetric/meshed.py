@@ -39,9 +39,12 @@ __all__ = ["MeshedContact"]
 SLACK = 0.06
 # A step to a solution whose error exceeds the tolerance by this factor is repeated shorter, so that meshes can follow.
 UNRESOLVED = 20.0
-# A change of mesh may move load and displacement by this multiple of their error estimates, and ln of the stretch by
-# this much, and breakpoints by this share of their places.
-SAFETY, STRETCHED = 3.0, 0.1
+# ... unless it is as short as this from one that is resolved, relative to the parameter: errors jump where a node
+# passes a tip's end.
+SAME_ROW = 1e-4
+# A change of mesh may move the state by the first multiple of its error estimate, or load and displacement by the second
+# of theirs, ln of the stretch by so much, and other breakpoints by this share of their places.
+LEAP, SAFETY, STRETCHED = 30.0, 3.0, 0.1
 # Gaps, in ranges, that no solution has.
 DEEPEST = 0.5
 # Below this radius parameter meshes are graded down to this share of the radius, each panel longer by this factor than
@@ -116,9 +119,12 @@ class MeshedContact(MovingContact):
         return max(k for k, region in enumerate(self.equations.regions) if region.rests and not region.index)
 
     def examine(self, x: Array, p: float) -> None:
-        """Look whether the mesh resolves a row."""
+        """Look whether the mesh resolves a row, or one as close to it as that."""
+        if not self.mesh.roots and abs(p - self._row) < SAME_ROW * abs(p):
+            return
         if not self.relative_error(x, p) <= UNRESOLVED * self.resolution.tolerance:
             raise UnresolvedError("the mesh does not resolve the solution")
+        self._row = p
 
     def defect(self, point: Point) -> Defect:
         """One Newton step towards the solution on the finer mesh."""
@@ -186,9 +192,15 @@ class MeshedContact(MovingContact):
         for _ in range(ROUNDS):
             trial, carried = problem.remeshed(start, p, solve=False)
             found = trial.solve_at(carried, p, enough=NEARLY)  # it is corrected by who asked
-            away = np.abs(found - carried)[trial.size :]
+            change = found - carried
+            away = np.abs(change[trial.size :])
             away[1:] /= [one.place for one in trial.others]
-            if bool((away > STRETCHED).any()) or trial.lost(found, p) or not trial._foretold(found, problem, start, p):
+            # Next to the edge of a tip, where h ends like a root, coarse panels tell nothing of it.
+            told = int(np.searchsorted(trial.mesh.nodes, problem.mesh.edges[-2])) if trial.mesh.bounded else None
+            moves = trial.growth(found) * change[: trial.size], trial.moving(change, found)
+            near = min(magnitude(by[:told]) for by in moves) <= LEAP * problem.error(start, p).state + 1e-6 * self.scale
+            astray = bool((away > STRETCHED).any()) or trial.lost(found, p)
+            if astray or not (near or trial._foretold(found, problem, start, p)):
                 break  # Newton's method has left for another solution
             problem, start, last, error = trial, found, error, trial.relative_error(found, p)
             spent = problem.sharpness == SHARPEST and error > HELPS * last  # what is left is rounding

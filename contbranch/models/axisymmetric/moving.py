@@ -101,6 +101,7 @@ class MovingContact(EquilibriumProblem):
         self._placed: list[tuple[Array, Equations]] = []
         self._seen: list[tuple[Array, float, Equations, Fields]] = []
         self._judged: tuple[Array, float, Defect] | None = None  # the last state whose error was estimated
+        self._row = math.nan  # parameter of the last row that was resolved
         self.work = self.resolution.work
         self.work.unknowns = max(self.work.unknowns, equations.size)
 

@@ -61,6 +61,10 @@ __all__ = ["ContactProblem", "first_problem"]
 # A disc is followed while gap and wall pressure, in the interaction's own units, are at most this much below zero: the
 # rings that come before discs under tips flatter than a parabola are shallower than that where a film attracts.
 PRESSURE_TOLERANCE = 1e-3
+# From first touch up to this parameter the rate of the load comes from the slope dF/dd, which keeps its digits there,
+# unless the displacement all but stands still: its rate must be at least this share of its parts, which may both stand
+# still, and this share of the largest rate of h.
+NEXT_TO_TOUCH, MOVING, AT_ALL = 1e-2, 0.1, 1e-3
 # Share of the accuracy that the load at the start of the trace may have.
 START_SHARE = 0.5
 # A trace with a spring starts where the stiffness of the interaction is about this share of the spring's.
@@ -94,8 +98,10 @@ STIFF, SEEN = 1e-3, 0.01
 SETTLED, BELOW = 1e-8, 0.1
 # By how much less than the parameter the state counts there, whose rate changes around the rim all along the kink.
 CALM = 10.0
-# Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned.
-NOISE = 1e7
+# Multiple of rounding at which corrections may stop contracting: stiff films are ill-conditioned. Changes of the state
+# are measured in at least the second multiple of its own: behind first touch of a stiff film the first is more than the
+# state changes.
+NOISE, NOISE_FLOOR = 1e7, 1e10
 # Share of a tip's extent up to which the contact may grow, and beyond which the gap closes at its edge.
 WHOLE, OUTERMOST = 0.999, 0.9
 # Share by which a disc grows in the difference that tells how its pressure does.
@@ -230,7 +236,8 @@ class ContactProblem(MeshedContact):
 
     def steps(self, start: Point) -> Options:
         """Far away a step may be long, since the elastic body answers little."""
-        floor = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25
+        floor, rough = STATE_FLOOR * self.scale * (2 * self.scale) ** 0.25, start.x * (-1.0) ** np.arange(start.x.size)
+        floor = max(floor, NOISE_FLOOR * np.finfo(float).eps * math.sqrt(self.inner(rough, rough)))
         steps = replace(STEPS, state_floor=floor, noise=NOISE)
         law = self.equations.interaction
         if law is not None and law.pieced and not self.equations.contact:
@@ -404,7 +411,7 @@ class ContactProblem(MeshedContact):
         """
         equations, fields = self.seen(x, 0.0)
         clear = CLEAR * equations.dish(fields) if self.flat else 0.0
-        small, large = max(BELOW * 0.5 / max(1.0, magnitude(fields.stiffness)), clear), SEEN * equations.mesh.innermost
+        small, large = max(BELOW * 0.5 / max(1.0, magnitude(fields.stiffness)), clear), SEEN
         if self.motion is not None and not self.motion.ends:
             large = SEEN * self.motion.lead.place * self._stretch(x)
         if self.flat:
@@ -515,6 +522,10 @@ class ContactProblem(MeshedContact):
             edges, nodes = (x_rate[self.size + 1 :] @ rates for rates in self._motion(equations))
             own = equations.drift_rates(fields, edges, nodes)
             load, displacement = load + own[0], displacement + own[1]
+        if 0.0 <= p < NEXT_TO_TOUCH and equations.interaction is not None and not self.mesh.roots:
+            parts = abs(float(equations.rim_row @ h_rate))
+            if abs(displacement) > max(MOVING * parts, AT_ALL * magnitude(h_rate)):
+                load = self._slope(x, p) * displacement
         wall = 0.0
         if any(region.rests and not region.index for region in equations.regions):
             (places, moves), k = positions(self, x), self._wall_edge
@@ -523,6 +534,14 @@ class ContactProblem(MeshedContact):
         elif equations.contact and not equations.level:
             wall = equations.coordinate.slopes(fields.y)[0] * y_rate
         return Rates(load, displacement, wall, 0.0 if equations.contact else -y_rate)
+
+    def _slope(self, x: Array, p: float) -> float:
+        """dF/dd of the curve, from the response to a rigid motion at a fixed rim, which loses no digits."""
+        equations, fields = self.seen(x, p)
+        if "slope" not in fields.derived:
+            fields.derived["slope"] = equations.load_per_displacement(fields)
+        slope: float = fields.derived["slope"]
+        return slope
 
     def unstable(self, x: Array, p: float) -> int:
         """Negative eigenvalues of the second variation at fixed displacement, by inertia.

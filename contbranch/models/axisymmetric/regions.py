@@ -126,6 +126,7 @@ def _breaches(equations: Equations, fields: Fields, scale: float, narrow_ring: f
         bounds = [(law.levels[region.index], 1.0, region.index)]
         if region.index < law.outermost and not (k == len(equations.regions) - 1 and not mesh.bounded):
             bounds.append((law.levels[region.index + 1], -1.0, region.index + 1))
+        flat = k == 0 and not equations.contact and equations.tip.apex_exponent > 2.0
         for level, sign, index in bounds:
             centre = sign * (-fields.y - level) / scale if k == 0 and not equations.contact else math.nan
             rests = law.holds(index)
@@ -136,9 +137,9 @@ def _breaches(equations: Equations, fields: Fields, scale: float, narrow_ring: f
             ends = not (rests and (index or len(equations.resting)))  # there the range of the parameter does
             new = Region(True, index) if rests else Region(False, index if sign < 0.0 else index - 1)
             for value, radius in at(sign * (fields.gap[nodes] - level) / scale, False, centre, passes / scale):
-                if radius > 0.0 or not ends:
+                if (radius > 0.0 or not ends) and not (flat and 0.0 < radius < mesh.innermost / 2):
                     yield Breach(value, first + k, radius, new)
-        if k == 0 and not equations.contact and equations.tip.apex_exponent > 2.0:
+        if flat:
             yield from _dishes(equations, fields, scale)
 
 
@@ -149,10 +150,15 @@ def _dishes(equations: Equations, fields: Fields, scale: float) -> Iterator[Brea
     index, places = equations.regions[0].index, mesh.innermost * np.geomspace(CLOSEST, 1.0, CLOSE)
     own = tip.height(mesh.nodes)
     lifted = np.where(np.isfinite(own), fields.gap - own, 0.0)
-    gap = mesh.interpolate(lifted, places) + tip.height(places)
+
+    def at(r: Array) -> Array:
+        return mesh.interpolate(lifted, r) + tip.height(r)
+
+    gap = at(places)
     for k in np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1:
         if gap[k] < -fields.y - EDGE_NOISE * abs(fields.rim_value):
-            yield Breach((gap[k] - law.levels[index]) / scale, 0, float(places[k]), Region(law.holds(index), index))
+            least, place = _lowest(at, float(places[k - 1]), float(places[k + 1]))
+            yield Breach((least - law.levels[index]) / scale, 0, place, Region(law.holds(index), index))
 
 
 def _extrema(
