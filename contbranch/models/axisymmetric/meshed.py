@@ -42,8 +42,8 @@ UNRESOLVED = 20.0
 # ... unless it is as short as this from one that is resolved, relative to the parameter: errors jump where a node
 # passes a tip's end.
 SAME_ROW = 1e-4
-# A change of mesh may move the state by the first multiple of its error estimate, or load and displacement by the second
-# of theirs, ln of the stretch by so much, and other breakpoints by this share of their places.
+# A change of mesh may move the state by the first multiple of its error estimate, or load and displacement by the
+# second of theirs, ln of the stretch by so much, and other breakpoints by this share of their places.
 LEAP, SAFETY, STRETCHED = 30.0, 3.0, 0.1
 # Gaps, in ranges, that no solution has.
 DEEPEST = 0.5
