@@ -117,7 +117,7 @@ def test_work_from_row_to_row_is_the_change_of_energy_across_meshes():
 
     Discretisation errors of rows, up to 1e-7 here, are errors of energies, too.
     """
-    contact = cb.Contact(cb.Parabola(1.0), cb.Gauss(-1.0, 0.3))
+    contact = cb.Contact(cb.Parabola(1.0), cb.VanDerWaals(1.0, 0.3))
     points = FollowedCurves(contact, choose(contact)[0]).track(Request(1e-8, DISPLACEMENT, 3.0)).points
     changes = 0
     for first, last in pairwise(points):
