@@ -106,6 +106,27 @@ def test_panels_are_not_crushed():
         moved_with(mesh, edges, np.array([-0.75]))
 
 
+def test_rings_cross_a_film_in_a_few_steps():
+    """A film that bends upwards at its centre gives way on a ring, which wanders through it, and then on others.
+
+    Every ring takes the curve from one end of the same range of loads to the other.
+    """
+    contact = cb.Contact(cb.PowerLaw(2.491, 1.0), cb.VanDerWaals(-1.0, 0.0966))
+    rows = []
+
+    def progress(share, text):
+        if text not in rows[-1:]:  # what was said last is said again now and then, as the clock has it
+            rows.append(text)
+        if len(rows) > 180:  # behind the third turn
+            raise cb.Stop
+
+    diagram = cb.trace(contact, accuracy=1e-4, modes=0, progress=progress)
+    first, second, third = list(diagram.folds("load"))[:3]
+    assert second.position - first.position < 90
+    assert third.position - second.position < 90
+    assert first.load == pytest.approx(third.load, rel=1e-4) != second.load
+
+
 def test_steps_travel_where_the_mesh_ends_at_an_edge():
     """Stiff attraction is felt out to the edge of a cap, while its steep zone travels from the centre to there.
 

@@ -124,14 +124,13 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
         tail = coefficients[:, -2:].max(axis=1)
         relative = np.divide(tail, largest, out=np.zeros_like(tail), where=largest > 0)
         total += 2 * np.pi * rho * length * weight * tail * np.minimum(1.0, 10 * relative)
-    # The end of a stiff film right beside an edge, with no node between, shows where the panels' polynomials meet.
-    ends = pressure.reshape(-1, n) @ rule.lagrange(np.array([-1.0, 1.0])).T
-    jump = np.zeros(len(edges))
-    jump[1:-1] = np.where(np.isin(edges[1:-1], mesh.edges[list(mesh.roots)]), 0.0, np.abs(ends[:-1, 1] - ends[1:, 0]))
-    if magnitude(fields.stiffness) * mesh.end < STIFF_FILM:
-        jump[:] = 0.0
-    unseen = length * (1 + rule.nodes[0]) / 2
-    total += 2 * np.pi * rho * unseen * np.maximum(jump[:-1], jump[1:])
+    if magnitude(fields.stiffness) * mesh.end > STIFF_FILM:
+        # Where a film ends right beside an edge, with no node between, the panels' polynomials do not meet.
+        ends = pressure.reshape(-1, n) @ rule.lagrange(np.array([-1.0, 1.0])).T
+        jump = np.zeros(len(edges))
+        jump[1:-1] = np.abs(ends[:-1, 1] - ends[1:, 0])
+        jump[np.isin(edges, mesh.edges[list(mesh.roots)])] = 0.0  # where it may
+        total += np.pi * rho * length * (1 + rule.nodes[0]) * np.maximum(jump[:-1], jump[1:])
     misfit = magnitude(rule.to_even[-2:] @ profile[:n])
     response = min(2 * np.pi * float(mesh.weights @ (mesh.nodes * np.abs(fields.stiffness))), 2 * float(mesh.end))
     total[0] += misfit * response

@@ -54,8 +54,8 @@ RIGID = 1e6
 # Solutions whose fields are kept: the ends of a step and what was tried between them.
 RECENT = 6
 
-# Places on the innermost panel among which it is looked for around flat tips, and the first one's share of its length.
-CLOSE, CLOSEST = 60, 1e-4
+# Places on the innermost panel at which a dish under a flat tip is looked for; the first one as a share of its length.
+DISH_PLACES, FIRST_DISH_PLACE = 60, 1e-4
 
 
 @dataclass(frozen=True)
@@ -700,13 +700,18 @@ class Equations:
         t = np.hypot(tau, fields.rim.radius)
         return 2 * self._bend(fields.h, tau * tau) + self.tip.transform_derivative(t) / t
 
+    @property
+    def dish_places(self) -> Array:
+        """Distances from the rim, on the innermost panel, at which a dish is looked for."""
+        return self.mesh.innermost * np.geomspace(FIRST_DISH_PLACE, 1.0, DISH_PLACES)
+
     def dish(self, fields: Fields) -> float:
         """Radius of the dish that a film presses into the surface under the apex, at first touch; 0 without.
 
         The surfaces meet on a ring within before they do at the centre, and no smaller disc is admissible. At most as
         large as the innermost panel.
         """
-        tau = self.mesh.innermost * np.geomspace(CLOSEST, 1.0, CLOSE)
+        tau = self.dish_places
         right = np.flatnonzero(self.opening(fields, tau) >= 0.0)
         return 0.0 if right.size and right[0] == 0 else float(tau[right[0] if right.size else -1])
 

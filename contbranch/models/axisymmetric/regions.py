@@ -34,8 +34,6 @@ PASSES = 1.1 / (2 * math.pi)
 REAL = 1e-6
 # Nodes of the polynomial that tells a minimum between the neighbours of a node.
 BETWEEN = 12
-# Places in the innermost panel at which the gap under a flat tip is looked at; the first one as a share of its length.
-CLOSE, CLOSEST = 60, 1e-4
 
 
 @dataclass(frozen=True)
@@ -147,7 +145,8 @@ def _dishes(equations: Equations, fields: Fields, scale: float) -> Iterator[Brea
     """Minima of the gap within the innermost panel of a film under a tip that begins flatter than the dish it presses
     into the surface; the gap less the tip's own height is smooth there."""
     mesh, law, tip = equations.mesh, equations.law, equations.tip
-    index, places = equations.regions[0].index, mesh.innermost * np.geomspace(CLOSEST, 1.0, CLOSE)
+    index, places = equations.regions[0].index, equations.dish_places
+    new = Region(True, index) if law.holds(index) else Region(False, index - 1)
     own = tip.height(mesh.nodes)
     lifted = np.where(np.isfinite(own), fields.gap - own, 0.0)
 
@@ -158,7 +157,7 @@ def _dishes(equations: Equations, fields: Fields, scale: float) -> Iterator[Brea
     for k in np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1:
         if gap[k] < -fields.y - EDGE_NOISE * abs(fields.rim_value):
             least, place = _lowest(at, float(places[k - 1]), float(places[k + 1]))
-            yield Breach((least - law.levels[index]) / scale, 0, place, Region(law.holds(index), index))
+            yield Breach((least - law.levels[index]) / scale, 0, place, new)
 
 
 def _extrema(
