@@ -118,19 +118,21 @@ def panel_errors(equations: Equations, fields: Fields, edges: Array | None = Non
     length, rho = np.diff(edges), edges[1:]
     stiff = np.abs(stiffness.reshape(-1, n)).max(axis=1)
     total = np.zeros(len(length))
+
+    def add(error: Array, largest: Array, within: Array) -> None:
+        relative = np.divide(error, largest, out=np.zeros_like(error), where=largest > 0)
+        np.add(total, 2 * np.pi * rho * within * error * np.minimum(1.0, 10 * relative), out=total)
+
     for values, weight in ((pressure, 1.0), (weighted, stiff * np.sqrt(length / rho))):
         coefficients = np.abs(values.reshape(-1, n) @ rule.to_legendre.T)
-        largest = coefficients.max(axis=1)
-        tail = coefficients[:, -2:].max(axis=1)
-        relative = np.divide(tail, largest, out=np.zeros_like(tail), where=largest > 0)
-        total += 2 * np.pi * rho * length * weight * tail * np.minimum(1.0, 10 * relative)
+        add(coefficients[:, -2:].max(axis=1), coefficients.max(axis=1), length * weight)
     if magnitude(fields.stiffness) * mesh.end > STIFF_FILM:
         # Where a film ends right beside an edge, with no node between, the panels' polynomials do not meet.
         ends = pressure.reshape(-1, n) @ rule.lagrange(np.array([-1.0, 1.0])).T
-        jump = np.zeros(len(edges))
-        jump[1:-1] = np.abs(ends[:-1, 1] - ends[1:, 0])
-        jump[np.isin(edges, mesh.edges[list(mesh.roots)])] = 0.0  # where it may
-        total += np.pi * rho * length * (1 + rule.nodes[0]) * np.maximum(jump[:-1], jump[1:])
+        jump, largest = np.abs(ends[:-1, 1] - ends[1:, 0]), np.abs(ends).max(axis=1)
+        jump[np.isin(edges[1:-1], mesh.edges[list(mesh.roots)])] = 0.0  # where it may
+        jump = np.pad(jump, 1)
+        add(np.maximum(jump[:-1], jump[1:]), largest, length * (1 + rule.nodes[0]) / 2)
     misfit = magnitude(rule.to_even[-2:] @ profile[:n])
     response = min(2 * np.pi * float(mesh.weights @ (mesh.nodes * np.abs(fields.stiffness))), 2 * float(mesh.end))
     total[0] += misfit * response

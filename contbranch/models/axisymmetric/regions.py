@@ -205,7 +205,8 @@ def _lowest(at: Callable[[Array], Array], low: float, high: float) -> tuple[floa
     """The minimum of a smooth function between places, and where."""
     rule, half = panel_rule(BETWEEN), (high - low) / 2
     series = rule.to_legendre @ at(low + half * (1 + rule.nodes))
-    turning = legendre.legroots(legendre.legder(series))
+    slope = legendre.legder(series)
+    turning = legendre.legroots(legendre.legtrim(slope, ROUNDING * magnitude(slope)))
     places = np.append(turning.real[(np.abs(turning.imag) < REAL) & (np.abs(turning) < 1)], [-1.0, 1.0])
     values = legendre.legval(places, series)
     least = int(np.argmin(values))
