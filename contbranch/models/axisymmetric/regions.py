@@ -206,7 +206,7 @@ def _lowest(at: Callable[[Array], Array], low: float, high: float) -> tuple[floa
     rule, half = panel_rule(BETWEEN), (high - low) / 2
     series = rule.to_legendre @ at(low + half * (1 + rule.nodes))
     slope = legendre.legder(series)
-    turning = legendre.legroots(legendre.legtrim(slope, ROUNDING * magnitude(slope)))
+    turning = legendre.legroots(legendre.legtrim(slope, ROUNDING * np.abs(slope).max()))
     places = np.append(turning.real[(np.abs(turning.imag) < REAL) & (np.abs(turning) < 1)], [-1.0, 1.0])
     values = legendre.legval(places, series)
     least = int(np.argmin(values))
