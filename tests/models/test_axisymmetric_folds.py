@@ -177,23 +177,6 @@ def test_wetting_of_a_soft_film_under_a_flat_tip_lies_behind_the_touch(exponent,
     assert fold.error["contact_radius"] <= 1e-8
 
 
-def test_a_fold_that_finer_meshes_find_beyond_the_touch_is_none_of_the_film():
-    """Laws without a force at contact: a body that is all but rigid is pulled by 2πR times its energy, which rests at
-    touch, so that the last fold of the load lies there. As far as a trace's mesh tells, it may lie on either side."""
-    law = cb.Gauss(-0.244, 309.949) + cb.VanDerWaals(0.756, 415.0217)
-    diagram = cb.trace(cb.Contact(cb.Parabola(1.0), law), modes=0)
-    touch = next(event for event in diagram.events if event.kind == "touch")
-    own = list(diagram.folds("load"))
-    energy = float(law.evaluate(np.array([0.0])).energy[0])
-    assert diagram.status == "complete"
-    assert len(own) == 1
-    assert not list(diagram.folds("displacement"))
-    assert own[-1].contact_radius > 0.0 == own[-1].central_gap
-    assert own[-1].displacement == pytest.approx(touch.displacement, abs=1e-6)
-    assert own[-1].load == pytest.approx(2 * np.pi * energy, rel=1e-3)
-    assert own[-1].name == "pull-off"
-
-
 def test_a_convex_film_is_given_no_folds_by_rounding():
     """At loads of 1e7 the rates of so stiff a film are noise, which once looked like eight folds.
 

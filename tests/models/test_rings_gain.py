@@ -148,14 +148,8 @@ def test_relaxation_passes_and_reaches_rings(control):
     assert walk.assumed == []
 
 
-@pytest.mark.parametrize(
-    ("contact", "name", "threshold"),
-    [
-        (BLUNT, "range[1]", "squeeze_out_load"),
-        (STEP, "range", "touch_load"),
-    ],
-)
-def test_sensitivities_with_rings_are_differences_of_traces(contact, name, threshold):
+def test_sensitivities_with_rings_are_differences_of_traces():
+    contact, name, threshold = STEP, "range", "touch_load"
     found = cb.trace(contact, modes=0).sensitivities[threshold][name]
     parameter, step = parameters_of(contact)[name], 2e-3
     above, below = (
@@ -193,16 +187,3 @@ def test_folds_with_a_ring_merge_in_a_cusp(diagram):
     assert [special.kind for special in found.special] == ["cusp"]
     assert found.curve["load"][-1] == pytest.approx(one.load, abs=1e-5)
     assert found.curve["displacement"][-1] == pytest.approx(one.displacement, abs=1e-5)
-
-
-def test_profiles_show_what_rests():
-    """Pressure of the wall on an annulus of contact, none where a film rests, and the load of all of it."""
-    for contact, displacement, walled in ((BLUNT, 3.72, True), (STEP, 3.0, False)):
-        state = cb.find_all(contact, displacement=displacement).states[-1]
-        profile = state.profile
-        assert profile is not None
-        order = np.argsort(profile.r)
-        r, total = profile.r[order], profile.pressure[order]
-        assert np.trapezoid(2 * np.pi * r * total, r) == pytest.approx(state.load, rel=2e-2)
-        assert bool((profile.wall_pressure > 0.0).any()) is walled
-        assert (profile.gap > -1e-6).all()
