@@ -198,9 +198,9 @@ def _solved(subject: Subject, model: Any, accuracy: float = 1e-6) -> Answer:
     return Answer({"radius": float(state.contact_radius)}, {"radius": float(state.error["contact_radius"])})
 
 
-def _grid(kind: str, averaging: bool) -> Callable[[str], Any]:
+def _grid(kind: str) -> Callable[[str], Any]:
     model = {"free": cb.FreeSpace, "periodic": cb.Periodic}[kind]
-    return lambda setting: model(grid=int(setting), averaging=averaging)
+    return lambda setting: model(grid=int(setting))
 
 
 def _relaxed(name: str) -> tuple[Callable[[Subject, str], Answer], Callable[[Subject, str], Answer]]:
@@ -320,18 +320,17 @@ def methods(grids: Sequence[int] = GRIDS) -> tuple[Method, ...]:
         ),
     ]
     for kind in ("free", "periodic"):
-        for averaging in (True, False):
-            model = _grid(kind, averaging)
-            found.append(
-                Method(
-                    f"{kind} grid" + ("" if averaging else ", not averaged"),
-                    "own",
-                    nodes,
-                    BOTH,
-                    lambda subject, setting, model=model: _traced(subject, model(setting)),
-                    lambda subject, setting, model=model: _solved(subject, model(setting)),
-                )
+        model = _grid(kind)
+        found.append(
+            Method(
+                f"{kind} grid",
+                "own",
+                nodes,
+                BOTH,
+                lambda subject, setting, model=model: _traced(subject, model(setting)),
+                lambda subject, setting, model=model: _solved(subject, model(setting)),
             )
+        )
     ramps = tuple(f"{grid}/{steps}" for grid, steps in RAMPS)
     found += [Method(f"{name} ramp", "ramp", ramps, BOTH, *_relaxed(name)) for name in MINIMISERS]
     settings = tuple(f"{grid}/{steps}" for grid, steps in PEER_RAMPS)

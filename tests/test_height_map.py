@@ -394,6 +394,15 @@ class TestFilesOfOtherKinds:
         path.write_text("\n".join(["# heights in nm", *lines]))
         assert cb.HeightMap.from_file(path, cell=CELL) == cb.HeightMap(RANDOM, CELL)
 
+    @pytest.mark.parametrize(("unit", "worth"), [("m", 1e9), ("um", 1e3)])
+    def test_the_unit_in_the_header_of_a_text(self, tmp_path, unit, worth):
+        header = f"Channel: ZSensor\nWidth: 10.00 µm\nHeight: 10.00 µm\nValue units: {unit}"
+        np.savetxt(tmp_path / "a.txt", RANDOM, header=header, encoding="utf-8")
+        found = cb.HeightMap.from_file(tmp_path / "a.txt", cell="10 um")
+        assert (found.cell, found.in_nm) == (1e4, True)
+        np.testing.assert_allclose(found.heights, worth * cb.HeightMap(RANDOM, CELL).heights, rtol=1e-12)
+        assert cb.HeightMap.from_file(tmp_path / "a.txt", cell="10 um", unit="nm").rms_height < found.rms_height
+
     @pytest.mark.parametrize(("suffix", "white"), [("png", 255), ("tif", 65535)])
     def test_images_by_the_heights_of_black_and_white(self, tmp_path, suffix, white):
         from PIL import Image

@@ -57,8 +57,8 @@ class HeightMap(TipShape):
         Name of the data set in an HDF5 file; not needed if it holds a single array of two dimensions.
     unit
         What a unit of the heights given (of a topography: also of its edge) is worth in the contact's unit of length;
-        or its name, such as ``"um"``, for lengths in nm. By default 1, and for a topography that has a unit, or a data
-        set of HDF5 with an attribute ``unit`` or ``units``, that one.
+        or its name, such as ``"um"``, for lengths in nm. By default 1, and for a topography that has a unit, a data
+        set of HDF5 with an attribute ``unit`` or ``units``, or a text with a comment ``# Value units: m``, that one.
     grey
         Heights of black and of white in an image.
     detrend
@@ -169,6 +169,12 @@ class HeightMap(TipShape):
             for across in (z, z.T)
         ]
         return max(steps)
+
+    @property
+    def tilted(self) -> bool:
+        """Whether most of the step across the edges goes with the plane that fits the heights best."""
+        level = HeightMap(self.heights, self.cell, self.radius, detrend="plane")
+        return level.edge_step < 0.5 * self.edge_step
 
     @property
     def rms_height(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -173,7 +174,7 @@ def checked(values: object) -> Array:
 
 
 def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
-    """What a file holds, and of an HDF5 file the data set and its attribute `unit` or `units`.
+    """What a file holds, of an HDF5 file the data set, and the unit by its attribute `unit` or `units`, or a header.
 
     Other attributes by which netCDF says what the numbers stand for are heeded.
 
@@ -199,25 +200,29 @@ def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
         with path.open("rb") as file:
             if path.suffix.lower() == ".npy" or file.read(6) == b"\x93NUMPY":
                 return np.load(path, allow_pickle=False), None, None
-        return _read_text(path), None, None
+        values, unit = _read_text(path)
+        return values, None, unit
     except InputError:
         raise
     except (OSError, ValueError, EOFError):
         raise InputError(f"file: '{path}' cannot be read; must be {_KINDS}") from None
 
 
-def _read_text(path: Path) -> Array:
+def _read_text(path: Path) -> tuple[Array, str | None]:
     """A table of numbers: a line for every row, separated by blanks, commas, semicolons or tabs; # begins a comment.
 
-    Between semicolons a comma is a decimal one where there is no point.
+    Between semicolons a comma is a decimal one where there is no point. A comment such as ``# Value units: m`` (Gwyddion)
+    names the unit of the heights.
     """
     text = path.read_text(encoding="utf-8-sig")
+    named = re.search(r"^\s*#.*\b(?:value|height|z)\s*units?\s*[:=]\s*(\S+)\s*$", text, re.I | re.M)
     comma = "." if ";" in text and "." not in text else " "
     try:
-        return np.loadtxt(text.replace(";", " ").replace(",", comma).splitlines(), ndmin=2)
+        values = np.loadtxt(text.replace(";", " ").replace(",", comma).splitlines(), ndmin=2)
     except ValueError as error:
         why = str(error).partition(";")[0].rstrip(".")
         raise InputError(f"file: '{path}' cannot be read ({why}); a table of heights has numbers alone") from None
+    return values, named[1] if named else None
 
 
 def _read_image(path: Path, grey: tuple[float, float] | None) -> Array:

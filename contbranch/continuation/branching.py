@@ -50,7 +50,17 @@ Kind = Literal["pitchfork", "transcritical", "branch point"]
 
 
 class LeapError(Exception):
-    """The step has leapt to another part of the curve, or its branch points are not clear: a shorter one may be."""
+    """The step has leapt to another part of the curve, or what happens in it is not clear: a shorter one may be.
+
+    Parameters
+    ----------
+    to_corner : bool
+        Whether the curve is to be followed to its next corner instead, see `Problem.corner`.
+    """
+
+    def __init__(self, to_corner: bool = False) -> None:
+        super().__init__()
+        self.to_corner = to_corner
 
 
 class _Near(NamedTuple):

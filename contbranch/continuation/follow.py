@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -129,6 +130,11 @@ def _late(end: End) -> End:
     return End(Outcome.TIME_LIMIT) if end.outcome is Outcome.INTERRUPTED else end
 
 
+# Corners that are passed one by one where steps hide what happens.
+CORNERS = 4
+NO_CORNER = "(The next corner of the curve was not found.)"
+
+
 class _Direction:
     """One direction of a curve, with what has been followed of it.
 
@@ -142,6 +148,7 @@ class _Direction:
         self.balance = balance.sized(size_of(start.problem, start.x), start.parameter)
         self.metric = self.balance.metric(options.weight, options.state_floor)
         self.recent, self.count, self.reach = [start], 1, math.inf
+        self.corners = 0
         self.escape = Escape(interval, options.edge_tolerance)
         self.step = options.first_step * self.metric.norm(start.problem, start.tangent_x, start.tangent_parameter)
 
@@ -175,6 +182,10 @@ class _Direction:
         Once, where it leads to what the discretisation does not resolve, it is taken again on one made for that.
         """
         predictor, options, step = self._predictor(), self.options, self.step
+        if self.corners or predictor.here.problem.by_corners:
+            self.corners = max(self.corners - 1, 0)
+            with suppress(CorrectionError):
+                return self._to_corner(predictor.here, CorrectionError(Outcome.STEP_TOO_SMALL, NO_CORNER))
         growth, foresee, missed = options.growth, True, 0.0
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while True:
@@ -185,7 +196,7 @@ class _Direction:
                 )
                 step = min(step, farthest / abs(here.tangent_parameter))
             if not step >= options.smallest_step:
-                raise failure
+                return self._to_corner(here, failure)
             foretold = predictor.at(step)
             near, end = predictor.chosen(foretold, self.count, 0.5 * options.angle_limit * step), None
             try:
@@ -216,10 +227,26 @@ class _Direction:
                     continue
                 failure, missed = error, step
                 step *= AFTER_FAILURE
-            except LeapError:
+            except LeapError as error:
+                if error.to_corner:
+                    self.corners = CORNERS - 1
+                    return self._to_corner(here, CorrectionError(Outcome.STEP_TOO_SMALL, NO_CORNER))
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
                 step *= AFTER_FAILURE
             growth = 1.0  # what has failed once is not tried again at once
+
+    def _to_corner(self, here: Point, failure: CorrectionError) -> _Step:
+        """Go to the next corner of the curve, where it has any."""
+        corner = here.problem.corner(here)
+        if corner is None:
+            raise failure
+        before, behind = (examined(unit_tangent(point, self.metric)) for point in corner)
+        segment, happenings, end = self._look_inside(Segment(here, before, self.metric), None)
+        if end is None:
+            turn = Segment(before, behind, self.metric)  # without a length
+            happenings += [one for event in self.course.events for one in event.happenings(turn, None, self.options)]
+            segment = Segment(here, behind, self.metric)
+        return _Step(segment, happenings, end, 1.0)
 
     def _prepared(self, ahead: Point) -> bool:
         """Whether the last points were carried to a discretisation made for what lies ahead."""
@@ -263,7 +290,7 @@ class _Direction:
         except CorrectionError:  # earlier points may not have what the new discretisation follows
             self.recent = [here]
 
-    def _look_inside(self, segment: Segment, ahead: Bordered) -> tuple[Segment, list[Happening], End | None]:
+    def _look_inside(self, segment: Segment, ahead: Bordered | None) -> tuple[Segment, list[Happening], End | None]:
         """Cut a step where the curve ends, and return what happens in it.
 
         The curve may also leave the range and come back within the step; then it has a fold outside the range.
@@ -326,6 +353,8 @@ class _Direction:
                 return End(Outcome.STOPPED_AT_EVENT)
             if ended is not None:
                 return ended
+        if taken.happenings and taken.happenings[-1].event.point is taken.segment.end:
+            return taken.end  # a corner that is an event
         ended = self._append(taken.segment.end)
         if taken.end is not None:
             return taken.end

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from contbranch.arrays import Array
+
+if TYPE_CHECKING:
+    from contbranch.continuation.curve import Point
 
 __all__ = ["Adaptation", "Array", "Direction", "Linearisation", "Problem", "Solution", "UnresolvedError", "size_of"]
 
@@ -182,6 +185,23 @@ class Problem(ABC):
             If it was not found.
         """
         return None
+
+    def corner(self, point: Point) -> tuple[Point, Point] | None:
+        """Return the next corner of a piecewise smooth curve ahead of a point, with the tangents before and behind it.
+
+        Asked for where steps that pass corners have become too short. Default: None, the curve has none.
+
+        Raises
+        ------
+        CorrectionError
+            If it was not found.
+        """
+        return None
+
+    @property
+    def by_corners(self) -> bool:
+        """Whether the curve is followed from corner to corner, without steps that pass some."""
+        return False
 
     def farthest(self, p: float) -> float:
         """Return the largest change of the parameter in a step from p. Default: infinite."""

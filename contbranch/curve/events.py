@@ -11,9 +11,11 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.continuation import Event, EventPoint, Happening, Options, Point, Segment
+from contbranch.continuation.branching import LeapError
 from contbranch.continuation.walk import annotated
 from contbranch.continuation.zeros import NEIGHBOURS, Bracket, Functions, Search
 from contbranch.control import LOAD, Control
+from contbranch.curve.angle import in_passing, short_way
 from contbranch.curve.problem import Rates, equilibrium, rates_of, values_of
 
 __all__ = ["NEGATIVE", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Slopes", "rates"]
@@ -22,6 +24,9 @@ __all__ = ["NEGATIVE", "Ceiling", "FoldEvent", "Folds", "Margin", "Reached", "Sl
 SHORTEST_PART = 2.0**-12
 # Width, relative to its place in the step, to which a fold is located.
 ROUNDOFF = 4.0 * float(np.finfo(float).eps)
+# Slopes at the ends of a step over corners differ from the mean one by no more than this factor where no folds hide; so
+# many corners are passed one by one where they may.
+STEEPEST_RATIO, FEW_CORNERS = 3.0, 24
 # Margins may be below zero by less than this: a piece may begin a little before its layout is right.
 NEGATIVE = 2e-3
 
@@ -208,21 +213,54 @@ class Folds(Event):
         """Every fold in the step once."""
         if not self.controls:
             return []
-        power = equilibrium(segment.begin).power
-        functions = Functions(self._along, options, self._held, power, SHORTEST_PART)
+        if segment.length == 0.0:
+            return self._in_corner(segment)
+        problem = equilibrium(segment.begin)
+        functions = Functions(self._along, options, self._held, problem.power, SHORTEST_PART)
         if not segment.begin.problem.ordered:
             self._past = [] if previous is None else [previous.begin]
         search = Search(segment, functions, self._past)
-        found = [self._located(segment, functions, bracket) for bracket in search.brackets()]
+        if problem.cornered:
+            self._refuse_hidden(segment, problem.corners_between(segment.begin, segment.end))
+        brackets = search.crossed() if problem.cornered else search.brackets()
+        found = [self._located(segment, functions, bracket) for bracket in brackets]
         self._past = search.points[-1 - NEIGHBOURS :]
         found.sort(key=lambda happening: happening.theta)
         for happening in found:
             self.told(happening.event.point)
         return found
 
+    def _refuse_hidden(self, segment: Segment, corners: int) -> None:
+        """See that the slopes at the ends of a step leave no room for a pair of folds at the corners in between.
+
+        Raises
+        ------
+        LeapError
+            If one may be hidden, as slopes that differ from the mean one by more than a factor say.
+        """
+        if not corners:
+            return
+        begin, end = segment.begin, segment.end
+        mean = self._held(end) - self._held(begin)
+        slopes = np.array([self._along(begin) * segment.scale_begin, self._along(end) * segment.scale_end])
+        agree = (slopes * mean >= mean**2 / STEEPEST_RATIO) & (slopes * mean <= mean**2 * STEEPEST_RATIO)
+        if ((slopes[0] * slopes[1] > 0.0) & ~agree.all(axis=0)).any():
+            raise LeapError(to_corner=corners <= FEW_CORNERS)
+
+    def _in_corner(self, corner: Segment) -> list[Happening]:
+        """The folds in a corner, as the direction turns there on the shorter way."""
+        ways = [math.atan2(*self.slopes(point)[:2]) for point in (corner.begin, corner.end)]
+        passed = in_passing(self.controls, ways[0], short_way(ways[1] - ways[0]))
+        points = [*(replace(corner.end) for _ in passed[1:]), corner.end][: len(passed)]
+        for point in points:
+            self.told(point)
+        events = (EventPoint(point, 0.0, 0.0, name=one.kind) for point, one in zip(points, passed, strict=True))
+        return [Happening(1.0, event) for event in events]
+
     def _located(self, segment: Segment, functions: Functions, bracket: Bracket) -> Happening:
-        """The fold in a bracket, located to rounding."""
-        control, (theta, point) = self.controls[bracket.number], functions.zero(bracket, 0.0, ROUNDOFF)
+        """The fold in a bracket, located to rounding, or to what the problem's own solutions tell."""
+        resolution = equilibrium(bracket.segment.begin).fold_resolution
+        control, (theta, point) = self.controls[bracket.number], functions.zero(bracket, resolution, ROUNDOFF)
         theta = segment.foot(point.x, point.parameter, bracket.whole(theta))
         point = annotated(replace(point, observables={}), label=control.kind)
         return Happening(theta, EventPoint(point, 0.0, 0.0, name=control.kind))

@@ -145,7 +145,7 @@ class Succession:
     event : Point
         Where: the last row of the problem that ends.
     starts : tuple of Point
-        First point of the next problem, with its tangent along the curve.
+        First point of the next problem, with its tangent along the curve; empty where it could not be found.
     same : bool
         Whether event and start are one equilibrium, which then is one row; otherwise both are rows.
     dropped : int
@@ -230,6 +230,8 @@ class EquilibriumProblem(Problem):
         relaxation from a fold is followed always.
     row_safety : float
         Factor of `defect` in the error estimates of rows.
+    fold_resolution : float
+        Share of a step within which folds are located; 0: rounding.
     """
 
     scale: float
@@ -237,6 +239,7 @@ class EquilibriumProblem(Problem):
     complete_by: ClassVar[str] = ""
     refinable: ClassVar[bool] = True
     row_safety: ClassVar[float] = DEFECT_SAFETY
+    fold_resolution: ClassVar[float] = 0.0
 
     @property
     def convex(self) -> bool:
@@ -347,6 +350,10 @@ class EquilibriumProblem(Problem):
     def cornered(self) -> bool:
         """Whether the curve has corners between rows, so that nothing is interpolated there."""
         return False
+
+    def corners_between(self, begin: Point, end: Point) -> int:
+        """How many corners lie between two points next to each other on the curve."""
+        return 0
 
     def walked(self, start: Point, folds: Folds, end: Ceiling, stop: StopAt) -> Branch | None:
         """The piece of curve that begins at a point, followed by means of the problem's own; None: by the engine.
@@ -465,6 +472,10 @@ class EquilibriumProblem(Problem):
 
     def energy_left_out(self, x: Array, p: float) -> float:
         """Error of the energy that finer discretisations have, too; states near each other have it in common."""
+        return 0.0
+
+    def energy_scatter(self, x: Array, p: float) -> float:
+        """Error of V − F d that finer discretisations do not tell, and that states near each other do not share."""
         return 0.0
 
     def row_error(self, point: Point) -> tuple[float, float]:

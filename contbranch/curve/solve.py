@@ -236,6 +236,7 @@ def energy_at(found: Found) -> tuple[float, float]:
     problem = equilibrium(point)
     here = values_of(point)
     rounding = SAFETY * problem.rounding * max(1.0, abs(here.energy))
+    rounding += problem.energy_scatter(point.x, point.parameter)
     finer = problem.compared()
     if finer is problem:
         return here.energy, rounding

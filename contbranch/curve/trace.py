@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from contbranch.continuation import CorrectionError, EventPoint, Outcome, Point, StopAt
+from contbranch.continuation import CorrectionError, End, EventPoint, Outcome, Point, StopAt
 from contbranch.continuation.edge import Range
 from contbranch.continuation.follow import Branch, follow
 from contbranch.continuation.problem import UnresolvedError
@@ -210,7 +210,8 @@ class _Tracing:
         return found
 
     def _leaving(self, joint: Succession) -> Branch:
-        """The piece from the first start from which the curve leaves."""
+        """The piece from the first start from which the curve leaves; nothing without one."""
+        branch = Branch([], [], End(Outcome.STEP_TOO_SMALL))
         for start in joint.tried():
             if joint.same and len(self.rows) > 1:
                 self.rows[-1].onward = start

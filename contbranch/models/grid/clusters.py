@@ -79,7 +79,7 @@ class Influence:
         """Displacement by unit pressure on one node, as far as is needed."""
         m = self.lattice.whole().size
         offsets = np.arange(self._width) - self._reach
-        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol(None), s=(m, m))
+        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol, s=(m, m))
         near = response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap")
         return near.astype(self._digits)
 

@@ -13,26 +13,17 @@ from contbranch.curve.rows import raw_curve
 from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.results.diagram import State
-from contbranch.watch import kept, over
 
-from .branches import with_branches
 from .equilibria import LatticeProblem
 from .measure import quietly
 from .model import FreeSpace, Periodic
 from .ramp import jump_message, ramp_message
-from .resolution import HOPELESS, Resolution, border_energy, repetition, warn
+from .resolution import Resolution, border_energy, repetition, warn
 from .setup import Setup
 from .size import announce, border_message, chosen_size
 from .solve import solve_all
 
 __all__ = ["LatticeCurves", "traced"]
-
-# Where the law is stiffer than the lattice by this factor, a contact of many nodes cannot be followed, and one of few
-# nodes is farther off than averages tell.
-COARSE = 1.6
-# The largest array of nodes on which the curve is followed instead.
-LARGEST = 1024
-SKIPPED = "Pairs of folds closer together than a step may have been passed over."
 
 
 @dataclass(frozen=True)
@@ -56,10 +47,10 @@ class LatticeCurves(FollowedCurves):
 
     def problem(self, request: Request) -> EquilibriumProblem:
         """The first problem of the curve."""
-        return LatticeProblem(self.setup(request), tolerance(request))
+        return _problem(self.setup(request), request)
 
     def track(self, request: Request) -> Track:
-        """The curve, with what is to be said of the lattice; where it is too coarse, on twice the nodes a side."""
+        """The curve, with what is to be said of the lattice."""
         return traced(self.setup(request), request)
 
     def recent(self, request: Request) -> Track:
@@ -67,13 +58,10 @@ class LatticeCurves(FollowedCurves):
         return self.track(request)
 
     def trace(self, request: Request) -> RawCurve:
-        """The whole curve with its events, and its branches if the model wants them."""
+        """The whole curve with its events."""
         track = self.track(request)
         with quietly():
-            curve = raw_curve(track, request)
-            if not self.model.branches or over():
-                return curve
-            return kept(lambda: with_branches(curve, request), curve)
+            return raw_curve(track, request)
 
     def solve(self, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
         """Equilibria with a load or displacement, one for every start that leads to one.
@@ -103,29 +91,21 @@ def tolerance(request: Request) -> float:
     return min(max(request.accuracy, 1e-10), 1e-6)
 
 
+def _problem(setup: Setup, request: Request) -> LatticeProblem:
+    return LatticeProblem(setup, tolerance(request), held=request.held, target=request.target)
+
+
 def traced(setup: Setup, request: Request) -> Track:
-    """The curve on a lattice, with what is to be said of that; where it is too coarse, on twice the nodes a side."""
+    """The curve on a lattice, with what is to be said of that."""
     announce(setup.grid)
-    resolution = Resolution.of(setup)
-    notes = [resolution.message, repetition(setup), jump_message(setup.law)]
+    notes = [Resolution.of(setup).message, repetition(setup), jump_message(setup.law)]
     for note in notes:
         warn(note)
-    # Few nodes are cheap to double twice.
-    stiffest = 4.0 * COARSE if 16 * setup.lattice.size <= LARGEST else HOPELESS
-    fine = setup.averaging and not setup.crowded and 1.0 < resolution.ratio <= stiffest
-    fine &= 2 * setup.lattice.size <= LARGEST
-    coarse = fine and COARSE < resolution.ratio <= HOPELESS
     with quietly():
-        track = None if coarse else trace(LatticeProblem(setup, tolerance(request)), request)
-        if track is None or (fine and not track.complete and not over()):
-            finer = traced(setup.fine, request)
-            note = f"On a grid of {setup.grid} nodes the curve cannot be followed: this is that on twice as many."
-            return replace(finer, message=f"{note} {finer.message}".strip())
+        track = trace(_problem(setup, request), request)
         notes.append(_reaching(setup, track, request.target))
         warn(notes[-1])
     notes += [ramp_message(setup.law), no_comparison(setup)]
-    if track.points and getattr(track.problem(len(track.points) - 1), "skipped", False):
-        notes.append(SKIPPED)
     return replace(track, message=" ".join(filter(None, [track.message, *notes])))
 
 

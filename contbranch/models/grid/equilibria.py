@@ -1,9 +1,9 @@
 """The equilibria of a contact on a lattice as a problem that `contbranch.curve` follows, judges and presents.
 
 A state x is the field u on the nodes, the parameter the load. Nodes whose gap is zero are in contact; before first
-touch there is no wall, so that what closes is found as the zero of a smooth function. The curve is walked by steps that
-pass the corners where single nodes join the contact (`walk`); around a fold in contact its average takes its place
-(`averaging`).
+touch there is no wall, so that what closes is found as the zero of a smooth function. Steps pass the corners where
+single nodes join the contact; where they fail, the curve is followed from corner to corner (`corners`). Behind first
+touch at the apex of a smooth tip the average over nodes takes its place (`averaging`).
 """
 
 from __future__ import annotations
@@ -11,22 +11,20 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from contbranch.arrays import Array, Flags, magnitude
-from contbranch.continuation import CorrectionError, Event, Outcome, Point, StopAt
-from contbranch.continuation.follow import Branch
-from contbranch.continuation.problem import Solution
-from contbranch.control import DISPLACEMENT, Control
-from contbranch.curve.events import Ceiling, FoldEvent, Folds, Margin, Reached
+from contbranch.continuation import CorrectionError, Event, Options, Outcome, Point
+from contbranch.continuation.problem import Solution, UnresolvedError
+from contbranch.control import DISPLACEMENT, LOAD, Control
+from contbranch.curve.events import FoldEvent, Margin, Reached
 from contbranch.curve.problem import (
+    STEPS,
     AstrayError,
-    Count,
     Defect,
     EquilibriumProblem,
     Four,
@@ -37,33 +35,26 @@ from contbranch.curve.problem import (
     values_of,
 )
 from contbranch.curve.refine import moved
-from contbranch.errors import ModelError
-from contbranch.results.diagram import ModeShape, State
+from contbranch.results.diagram import State
 from contbranch.results.profile import Profile
-from contbranch.watch import over
 
-from .arcs import pressed
+from .averaging import averaged
+from .corners import ZERO_MARGIN, Corners
 from .judged import OnNodes
 from .landing import land
-from .measure import Direction, Measure, Stretch, following, quietly
-from .modes import Modes
+from .measure import Direction, Measure, following, quietly
 from .newton import Equilibrium, Hold, Settings, control_held, newton, tangent
 from .observables import cell_fields, interpolate, mean_gap, profile
+from .ramp import has_ramps
 from .readings import Reading, clearance, read
-from .resolution import Resolution, fills, tail_energy
+from .resolution import HOPELESS, Resolution, fills, tail_energy
 from .setup import Setup, coarsened, refined
-from .walk import Walker
-
-if TYPE_CHECKING:
-    from .averaging import AveragedProblem, Samples
+from .stability import Stability
 
 __all__ = ["LatticeProblem"]
 
 # The first gap at most, in heights of the tip at the border of the cell: from there on all of the cell acts alike.
 FURTHEST = 1.0
-# Nodes up to which corners are followed where steps may hide folds: on 128² for 1.25 times the time of a rough cycle
-# without that, on 256² for more than twice.
-LOOKED = 128**2
 # States whose fields are kept, since more than one question is asked of each.
 RECENT = 8
 # Least error of an event, relative to max(1, |value|); that for which no finer lattice is asked, of what is controlled
@@ -83,10 +74,20 @@ NEAR = 2.0
 # Step along the curve for a difference, in ranges of the law, and the factor that the error on twice the nodes, and of
 # a single step to the event there, has.
 STEP, SAFETY = 1e-3, 2.0
-# Share of the way between two rows by which a state between them may lie beyond either.
-BESIDE = 1e-4
+# Gap in ranges of the law that is rounding.
+TOUCHING = 1e-11
 # An excess of pressure that may be neglected.
 NOTHING = 1e-12
+# Steps along the curve: growth from one to the next, the shortest in a film and in contact, where then corners are
+# followed, and the angles between tangents that corners leave.
+GROWTH, SHORTEST_IN_FILM, SHORTEST_IN_CONTACT = 2.0, 1e-9, 1e-3
+ANGLE, ANGLE_LIMIT = 1.0, 1.5
+# Nodes up to which a curve on a lattice softer than the law is followed from corner to corner.
+LOOKED = 32**2
+# Of a point at a corner, with the tangent before it.
+CORNER = "corner"
+# First touch this many rows of nodes from the middle is one at the apex.
+AT_APEX = 1.5
 
 
 class LatticeProblem(OnNodes):
@@ -101,13 +102,12 @@ class LatticeProblem(OnNodes):
         Whether gaps must not be negative.
     film : sequence of Point, optional
         The curve of the problem without a wall, up to first touch.
-    past : Samples, optional
-        Arcs just before, of which an average was made.
+    held, target : Control or None, float or None
+        Where the curve ends, see `Request`.
     """
 
     rounding = 1e-7
-    skipped = False  # folds that lie closer together than a step
-    average: AveragedProblem | None = None
+    fold_resolution = 1e-6
 
     def __init__(
         self,
@@ -115,17 +115,15 @@ class LatticeProblem(OnNodes):
         tolerance: float = 1e-6,
         wall: bool = False,
         film: Sequence[Point] = (),
-        past: Samples | None = None,
+        held: Control | None = LOAD,
+        target: float | None = None,
     ) -> None:
-        self.setup, self.tolerance, self.wall, self.film, self.past = setup, tolerance, wall, film, past
+        self.setup, self.tolerance, self.wall, self.film = setup, tolerance, wall, film
+        self.held, self.target = held, target
         self.nodes, self.scale, self.work = setup.problem, setup.length, setup.counter
         self.work.unknowns = self.size
         self._recent: deque[tuple[Array, Equilibrium]] = deque(maxlen=RECENT)
         self._known: deque[tuple[Array, Event, Array]] = deque(maxlen=RECENT)
-
-    def kept(self, u: Array) -> Array:
-        """The image of fields under a symmetry that all states of this curve have, on a lattice that has more."""
-        return u
 
     @property
     def size(self) -> int:
@@ -157,10 +155,18 @@ class LatticeProblem(OnNodes):
         if known is not None:
             return known
         u = x.reshape(self.nodes.shape)
-        contact = (self.nodes.heights + u <= 0.0) & self.wall
+        contact = self.contact(u)
         found = Equilibrium(self.nodes.fields(u, p, contact), contact, 0.0, self.nodes.displacement(u, p), True)
         self._recent.append((x, found))
         return found
+
+    def contact(self, u: Array) -> Flags:
+        """Nodes at the wall, by their gaps but for rounding."""
+        return (self.nodes.heights + u <= TOUCHING * self.scale) & self.wall
+
+    def with_fields(self, state: Equilibrium) -> Equilibrium:
+        """A state with all its fields; one pair of transforms."""
+        return replace(state, fields=self.nodes.fields(state.u, state.load, state.contact))
 
     def at(self, point: Point) -> Equilibrium:
         """The equilibrium of a point."""
@@ -170,7 +176,7 @@ class LatticeProblem(OnNodes):
         """An equilibrium as a point, with a direction of the curve."""
         x = state.u.ravel()
         self._recent.append((x, state))
-        change, load = direction
+        change, load = np.where(state.contact, 0.0, direction[0].reshape(state.u.shape)), direction[1]
         seen = {**self.observables(x, state.load), "fft_pairs": float(state.pairs)}
         return Point(self, x, state.load, change.ravel(), load, observables=seen)
 
@@ -216,11 +222,16 @@ class LatticeProblem(OnNodes):
         value = float(row[0] @ x) + weight * p
         hold = Hold(value, weight, along, 1e-9 * max(1.0, abs(value)))
         with quietly():
-            found = newton(self.nodes, x.reshape(self.nodes.shape), p, hold, None, self.sharp)
+            u = x.reshape(self.nodes.shape)
+            settings = self.sharp if precise else replace(self.settings, tolerance=self.sharp.tolerance)
+            found = newton(self.nodes, u, p, hold, self.contact(u), settings)
+            if not found.converged and self.wall and precise:  # on the piece that has the contact of the start
+                held = newton(self.nodes, u, p, hold, self.contact(u), replace(settings, frozen=True))
+                found = held if held.converged and self.corners.margins(held).min() >= -ZERO_MARGIN else found
             near = np.abs(found.u.ravel() - x).max() <= NEAR * self.scale
             if not near or not (found.converged or found.residual <= self.tolerance):
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No equilibrium was found on the lattice.)")
-            u, load = tangent(self.nodes, found, hold, 1e-8 if precise else 1e-3)[:2]
+            u, load = tangent(self.nodes, found, hold, 1e-8 if precise else 1e-5)[:2]
             if not (load or u.any()):  # so far away that rounding is larger than the load
                 raise CorrectionError(Outcome.STEP_TOO_SMALL, "(A load tells no equilibria there.)")
         point = self.point(found, (u, load))
@@ -265,42 +276,82 @@ class LatticeProblem(OnNodes):
         """In contact, where a node joins it."""
         return self.wall
 
-    def walked(self, start: Point, folds: Folds, end: Ceiling, stop: StopAt) -> Branch:
-        """By steps that pass the corners of the lattice, see `walk`.
+    def steps(self, start: Point) -> Options:
+        """In contact over the corners of the lattice, and over those of a law with ramps."""
+        own = replace(STEPS, growth=GROWTH, smallest_step=SHORTEST_IN_FILM, detect_branch_points=False)
+        if self.wall or has_ramps(self.setup.law):
+            own = replace(own, angle=ANGLE, angle_limit=ANGLE_LIMIT)
+        return replace(own, smallest_step=SHORTEST_IN_CONTACT) if self.wall else own
 
-        On many nodes, and where the way from corner to corner turns back, as it may where several nodes change at once,
-        without looking for folds that steps hide.
+    def examine(self, x: Array, p: float) -> None:
+        """Behind first touch, states without contact farther away are those of the film that led there.
+
+        Raises
+        ------
+        UnresolvedError
+            If the curve has turned back.
         """
+        if not (self.wall and self.film) or self.contact(x.reshape(self.nodes.shape)).any():
+            return
+        if self.nodes.displacement(x, p) < self.film[-1].observables["displacement"]:
+            raise UnresolvedError("behind first touch the curve turns back")
+
+    @cached_property
+    def corners(self) -> Corners:
+        """Where nodes join the contact or leave it."""
+        return Corners(self.nodes, self.scale, self.settings)
+
+    def corner(self, point: Point) -> tuple[Point, Point] | None:
+        """In contact, where the next node joins or leaves it."""
+        if not self.wall:
+            return None
         with quietly():
-            walker = Walker(self, folds, end, stop, looks=self.size <= LOOKED)
-            found = walker.branch(start)
-            self.skipped = self.wall and not (walker.hops or walker.looks)
-            if found.end.outcome is not Outcome.TURNED_BACK or not walker.looks or over():
-                return found
-            other = Walker(self, folds, end, stop, looks=False).branch(start)
-            if other.end.outcome is Outcome.TURNED_BACK:
-                return found
-            self.skipped = True
-            return other
+            state = self.at(point)
+            way = self.corners.along(state, point.tangent_x.reshape(self.nodes.shape), point.tangent_parameter)
+            ahead = self.corners.next(state, way)
+            found = None if ahead is None else self.corners.behind(*ahead, way)
+        if ahead is None or found is None:
+            return None
+        onward, (u, load) = self.point(found[0], found[1][1:3]), way.beyond(state, ahead[0])
+        along = np.where(ahead[0].contact, 0.0, u).ravel()
+        x = onward.x.copy()  # two points, whose tangents differ
+        return replace(onward, x=x, tangent_x=along, tangent_parameter=load, label=CORNER), onward
+
+    @property
+    def by_corners(self) -> bool:
+        """Where single nodes snap in, as long as there are not too many."""
+        return self.wall and self.size <= LOOKED
+
+    def corners_between(self, begin: Point, end: Point) -> int:
+        """Nodes that have joined the contact or left it; none up to the next corner."""
+        if not self.wall or end.label == CORNER:
+            return 0
+        return int(np.count_nonzero(self.at(begin).contact != self.at(end).contact))
 
     def margins(self, x: Array, p: float) -> Mapping[str, float]:
         """Without a wall, the gap that closes at first touch."""
         return {} if self.wall else {"touch": clearance(self.setup, self.state(x, p))}
 
     def successor(self, name: str, points: Sequence[Point]) -> Succession | None:
-        """In contact behind first touch."""
+        """In contact behind first touch: the average where that is at the apex of a smooth tip."""
         if name != "touch":
             return None
-        last = points[-1]
-        start = replace(last, problem=LatticeProblem(self.setup, self.tolerance, True, points))
-        if self.setup.crowded:  # what touches is a node: there the curve has a corner
-            state, along = self.at(last), last.tangent_x.reshape(self.nodes.shape)
-            towards = Direction.along(Measure.at(state, self.scale), along, last.tangent_parameter)
-            direction, touching = pressed(self.nodes, self.scale, state, towards, self.settings)
-            if direction is not None:
-                x = np.where(touching.ravel(), -self.nodes.heights.ravel(), last.x)
-                start = replace(start, x=x, tangent_x=direction[0].ravel(), tangent_parameter=direction[1])
-        return Succession(name, last, (start,))
+        last, state = points[-1], self.at(points[-1])
+        row, column = np.unravel_index(int(state.fields.gap.argmin()), self.nodes.shape)
+        axis, along = self.setup.lattice.axis, last.tangent_x.reshape(self.nodes.shape)
+        towards = Direction.along(Measure.at(state, self.scale), along, last.tangent_parameter)
+        with quietly():
+            node = int(row), int(column)
+            closed = self.corners.at(state, state.u, state.load, node)  # the apex may lie between the nodes
+            found = None if closed is None else self.corners.behind(closed, node, towards)
+            problem = LatticeProblem(self.setup, self.tolerance, True, points)
+            if found is None or (not self.setup.crowded and self.resolution.ratio > HOPELESS):
+                return Succession(name, last, ())
+            if not self.setup.crowded and math.hypot(axis[row], axis[column]) < AT_APEX * self.setup.lattice.spacing:
+                average = averaged(problem, found, self.held, self.target)
+                if average is not None:
+                    return Succession(name, last, (average.start(LOAD),), same=False)
+        return Succession(name, last, (problem.point(found[0], found[1][1:3]),))
 
     def ending(self, name: str, point: Point) -> str:
         """What to change."""
@@ -309,7 +360,7 @@ class LatticeProblem(OnNodes):
         units, own, resolution = self.setup.units, point.observables, self.resolution
         load, displacement = own["load"] * units.load, own["displacement"] * units.normal
         if not self.setup.crowded and (
-            own["contact_radius"] > 0.49 * self.setup.edge or fills(self.setup, self.at(point))
+            own["contact_radius"] > 0.49 * self.setup.edge or fills(self.setup, equilibrium(point).at(point))  # type: ignore[attr-defined]
         ):
             return f"The contact has reached the border of the cell at load {load:.6g}; use a larger cell."
         remedy = "try a finer grid or a larger cell"
@@ -319,16 +370,6 @@ class LatticeProblem(OnNodes):
             f"The curve could not be followed beyond load {load:.6g}, displacement {displacement:.6g}: no equilibrium "
             f"was found within the smallest step; {remedy}."
         )
-
-    def behind(self, samples: Samples) -> Point:
-        """Where the lattice's own curve goes on behind the arcs of an average."""
-        if samples.last is None:
-            raise ModelError("an average without arcs")
-        end, problem = samples.last.end, LatticeProblem(self.setup, self.tolerance, True, past=samples)
-        # Over a row of nodes: single arcs ripple.
-        row = samples.ends[-1] - self.setup.lattice.spacing
-        begin = next((state for radius, state in reversed(samples.states) if radius < row), samples.states[0][1])
-        return problem.point(end, end.beyond(begin))
 
     def before(self, control: Control, value: float) -> Point | None:
         """Farther away than the start, where nothing but a rigid shift changes; a load does not tell states there.
@@ -354,56 +395,6 @@ class LatticeProblem(OnNodes):
         """On the same lattice, on both sides of first touch."""
         return isinstance(other, LatticeProblem)
 
-    def meeting(self, begin: Point, end: Point, control: Control, value: float) -> Point:
-        """From between two rows, within the bracket; next to a fold along the curve."""
-        hold, rows = control_held(self.nodes, control, value), (begin, end)
-        values = [control.value(row.observables["load"], row.observables["displacement"]) for row in rows]
-        if value in values:
-            return rows[values.index(value)]
-        share = (value - values[0]) / (values[1] - values[0])
-        first, last = (equilibrium(row).at(row) for row in rows)  # type: ignore[attr-defined]
-        way = Direction.between(first, last, self.scale)
-        ends = way.of(first), way.of(last)
-        bounds = min(ends), max(ends)
-        u, load = first.u + share * (last.u - first.u), first.load + share * (last.load - first.load)
-        contact = first.contact if share < 0.5 else last.contact
-
-        def found(u: Array, load: float, contact: Flags, settings: Settings) -> Equilibrium | None:
-            start = np.where(contact, -self.nodes.heights, u)
-            state = newton(self.nodes, start, load, hold, contact, settings)
-            room = BESIDE * (bounds[1] - bounds[0])  # a row that has the value itself is known as well as it is solved
-            return state if state.converged and bounds[0] - room <= way.of(state) <= bounds[1] + room else None
-
-        with quietly():
-            state = found(u, load, contact, self.sharp)
-            # Next to a fold Newton's method leaves the bracket: the curve is followed within it. Soft there, it is
-            # known less well than the residual says.
-            stretch = Stretch(self.nodes, [first, last], way, self.sharp)
-            for part in () if state else (1e-2, 1e-9):
-                near = stretch.zero(lambda one: control.value(one.load, one.displacement) - value, *bounds, part)
-                if near is not None:
-                    softer = replace(self.sharp, tolerance=0.1 * self.sharp.tolerance)
-                    state = state or found(near.u, near.load, near.contact, softer)
-        if state is None:
-            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(No equilibrium was found between two rows.)")
-        return self.point(state, last.beyond(first))
-
-    def next_to(self, average: AveragedProblem) -> LatticeProblem:
-        """The same problem for states next to an average, which knows errors that coarser lattices do not tell."""
-        own = copy(self)
-        own.average = average
-        return own
-
-    def beside(self, state: Equilibrium, control: Control, value: float) -> Point | None:
-        """The equilibrium next to a state at a value of a control, with its tangent; None if there is none."""
-        hold = control_held(self.nodes, control, value)
-        with quietly():
-            found = newton(self.nodes, state.u, state.load, hold, state.contact, self.sharp)
-            if not found.converged or self._apart(found, state) > 1.0:
-                return None
-            along = tangent(self.nodes, found, hold)
-        return self.point(found, (along.field, along.load))
-
     # -- what is seen -------------------------------------------------------------------------------------------------
     def values(self, x: Array, p: float) -> Values:
         """As read off the nodes."""
@@ -421,11 +412,6 @@ class LatticeProblem(OnNodes):
             gap = float(x_rate[np.argmin(gaps)]) if crowded else interpolate(lattice, u, 0.0, 0.0)
         return Rates(p_rate, self.nodes.displacement(u, p_rate), 0.0, gap)
 
-    @cached_property
-    def modes(self) -> Modes:
-        """The unstable modes of its states."""
-        return Modes(self.setup)
-
     @property
     def countable(self) -> bool:
         """Not where the law is stiffer than the lattice: they are those of single nodes."""
@@ -436,30 +422,14 @@ class LatticeProblem(OnNodes):
         """The law's stiffness against the lattice's."""
         return Resolution.of(self.setup)
 
+    @cached_property
+    def stability(self) -> Stability:
+        """That of its states."""
+        return Stability(self.nodes)
+
     def unstable(self, x: Array, p: float) -> int:
-        """Modes with the symmetry of the tip."""
-        return self.modes.symmetric(self.state(x, p))
-
-    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count | None:
-        """Modes that break a symmetry of the tip, by the number of periods around the axis; None on whole lattices.
-
-        There are none where the displacement is enough to hold a state with the symmetry (see `stability`).
-        """
-        if not (self.setup.quarter and limit):
-            return None
-        return self.modes.count(self.state(x, p)) if unstable else Count()
-
-    def mode_eigenvalue(self, x: Array, p: float, mode: int, index: int = 1) -> float:
-        """Of the modes with so many periods around the axis."""
-        return self.modes.eigenvalue(self.state(x, p), mode, index)
-
-    def mode_shape(self, x: Array, p: float, mode: int, index: int = 1) -> ModeShape:
-        """Projected on rings."""
-        return self.modes.shape(self.state(x, p), mode, index)
-
-    def variations(self, x: Array, p: float, mode: int, index: int = 1) -> str:
-        """By periods around the axis, or by the mirrors that they break."""
-        return self.modes.name(self.state(x, p), mode, index)
+        """Modes with the symmetry of the tip; those that break it are not looked for."""
+        return self.stability.index(self.state(x, p))
 
     def profile(self, x: Array, p: float) -> Profile:
         """Means over circles."""
@@ -598,8 +568,6 @@ class LatticeProblem(OnNodes):
         else:
             control = event.control if isinstance(event, Reached) else None
             error = self.difference(point, control)
-            if self.average is not None and not np.isfinite(error).all():
-                error = self.average.around(point, control)
             if isinstance(event, FoldEvent):
                 error *= SAFETY
                 error[2] += self.setup.lattice.spacing * max(1.0, self.resolution.ratio)  # nodes join by chance

@@ -152,8 +152,7 @@ def stable(problem: GridProblem, state: Equilibrium, hold: Hold) -> bool:
     To the modes at fixed displacement another control adds one where what is held falls as the displacement grows.
     """
     with as_stability(problem):
-        stability = Stability(problem)
-        if stability.spectrum(state, stability.sectors[0]).index:
+        if Stability(problem).spectrum(state).index:
             return False
         along = tangent(problem, state, hold_control(problem, 0.0, 1.0, 0.0))
         return hold.product(along.field) + hold.load_weight * along.load > 0.0

@@ -28,7 +28,7 @@ import scipy
 
 from contbranch.arrays import Array
 
-from .transforms import EVEN, Counter, Sector, Transform, orders, wavenumbers
+from .transforms import Counter, Transform, orders, wavenumbers
 
 __all__ = ["IMAGE_SUM", "Kind", "Lattice"]
 
@@ -127,37 +127,37 @@ class Lattice:
         whole[: self.inside, : self.inside] = values
         return whole
 
-    def symbol(self, parity: Sector | None) -> Array:
+    @property
+    def symbol(self) -> Array:
         """K̂ at every coefficient of a transform."""
         if self.kind == "periodic":
-            return 0.5 * wavenumbers(self.size, self.spacing, parity)
-        rows, columns = (np.abs(numbers).astype(int) for numbers in orders(self.size, parity))
+            return 0.5 * wavenumbers(self.size, self.spacing, self.quarter)
+        rows, columns = (np.abs(numbers).astype(int) for numbers in orders(self.size, self.quarter))
         stiffness: Array = 1.0 / (self.edge * _square_compliance(self.grid)[rows, columns])
         stiffness[(rows == 0) & (columns == 0)] = 0.0
         return stiffness
 
-    def held_symbol(self, parity: Sector | None) -> Array:
+    @property
+    def held_symbol(self) -> Array:
         """K̂ with the stiffness 1/(C A) of the mean, which is that of the far field where its displacement is held."""
-        symbol = self.symbol(parity)
-        if parity in (None, EVEN):
-            symbol[0, 0] = 1.0 / (self.compliance * self.area)
+        symbol = self.symbol
+        symbol[0, 0] = 1.0 / (self.compliance * self.area)
         return symbol
 
-    def transform(self, counter: Counter, threads: int = 1, parity: Sector = EVEN) -> Transform:
+    def transform(self, counter: Counter, threads: int = 1) -> Transform:
         """Plans for fields on this lattice."""
-        return Transform(self.size, parity if self.quarter else None, threads, counter)
+        return Transform(self.size, self.quarter, threads, counter)
 
     def whole(self) -> Lattice:
         """The same lattice without symmetry."""
         return Lattice(self.kind, self.edge, self.grid, quarter=False)
 
-    def unfold(self, values: Array, parity: Sector = EVEN) -> Array:
+    def unfold(self, values: Array) -> Array:
         """A field of the quarter on the array of the whole lattice, padding included."""
         if not self.quarter:
             return np.array(values)
-        signs = [1.0 if p == "even" else -1.0 for p in parity]
-        rows = np.concatenate([signs[0] * values[::-1], values])
-        whole = np.concatenate([signs[1] * rows[:, ::-1], rows], axis=1)
+        rows = np.concatenate([values[::-1], values])
+        whole = np.concatenate([rows[:, ::-1], rows], axis=1)
         # The whole array begins at the border of the cell, that of two quarters where the padding does.
         offset = self.inside - self.size
         return np.roll(whole, (offset, offset), (0, 1))

@@ -34,11 +34,6 @@ class _Cell:
         or chosen from the accuracy asked for.
     threads : int
         Of the transforms.
-    branches : bool
-        Whether a trace follows the branches of less symmetry that leave the curve, too, on the whole lattice.
-    averaging : bool
-        Whether folds in contact are those of the average over the nodes that join it, as the contact's are; otherwise
-        the curve is the lattice's own.
     units : UnitValues
         Set where the model is used: what reduced units are worth, for messages.
 
@@ -53,8 +48,6 @@ class _Cell:
     cell: float | None = None
     grid: int | None = None
     threads: int = 1
-    branches: bool = False
-    averaging: bool = True
     units: UnitValues = field(default=REDUCED_VALUES, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -98,7 +91,7 @@ class _Cell:
             cell, grid = chosen_size(contact, self.name, (cell, grid), (field, value), accuracy)
         from .setup import Setup
 
-        found = Setup(contact, self.name, cell, grid, threads=self.threads, units=self.units, averaging=self.averaging)
+        found = Setup(contact, self.name, cell, grid, threads=self.threads, units=self.units)
         from .resolution import refuse_too_large
 
         refuse_too_large(found)

@@ -82,7 +82,7 @@ class GridProblem:
     @cached_property
     def symbol(self) -> Array:
         """K̂."""
-        return self.lattice.symbol(self.transform.parity)
+        return self.lattice.symbol
 
     @cached_property
     def _stiffness_filter(self) -> Array:
@@ -138,7 +138,7 @@ class GridProblem:
 
     @cached_property
     def _compliance_filter(self) -> Array:
-        return self.transform.normalisation / self.lattice.held_symbol(self.transform.parity)
+        return self.transform.normalisation / self.lattice.held_symbol
 
     def displaced(self, pressure: Array) -> Array:
         """S p = u + d, the displacement by a pressure; one pair."""

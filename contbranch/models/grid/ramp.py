@@ -18,7 +18,7 @@ from contbranch.arrays import Array
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import Interaction, MaugisDugdale
 
-__all__ = ["RampedDugdale", "jump_message", "on_lattice", "ramp_errors", "ramp_message"]
+__all__ = ["RampedDugdale", "has_ramps", "jump_message", "on_lattice", "ramp_errors", "ramp_message"]
 
 
 # Nodes in the wave that is as stiff as the ramp, and the widest ramp.
@@ -65,6 +65,11 @@ def _ramped(term: MaugisDugdale, spacing: float) -> RampedDugdale:
     # |Δγ|/(2 δ z0²) = π/(8 Δ), a little below so that the criterion holds.
     ramp = 1.01 * WAVE * abs(term.work_of_adhesion) * spacing / (2.0 * math.pi * term.range**2)
     return RampedDugdale(term.work_of_adhesion, term.range, min(ramp, WIDEST))
+
+
+def has_ramps(law: Interaction | None) -> bool:
+    """Whether the pressure of a law has kinks where ramps begin and end."""
+    return bool(_ramps(law))
 
 
 def jump_message(law: Interaction | None) -> str:

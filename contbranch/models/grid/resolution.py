@@ -122,10 +122,10 @@ def repetition(setup: Setup) -> str:
     tip = setup.contact.tip
     if not isinstance(tip, HeightMap) or setup.lattice.kind != "periodic" or tip.edge_step < STEP:
         return ""
+    remedy = "subtract its tilt with detrend='plane'" if tip.tilted else "use model='free', or a map that is periodic"
     return (
         f"The height map is not periodic: across the edges of the cell its heights change {tip.edge_step:.3g} times as "
-        "much as between other neighbouring nodes, and the cell repeats it with that step; use window='hann', or a map "
-        "that is periodic."
+        f"much as between other neighbouring nodes, and the cell repeats it with that step; {remedy}."
     )
 
 

@@ -41,8 +41,6 @@ class Setup:
         Shared by the problems on all grids.
     units : UnitValues
         What reduced units are worth in the contact's own, for messages.
-    averaging : bool
-        Whether curves are averaged over the changes of the contact.
     """
 
     contact: Contact
@@ -53,7 +51,6 @@ class Setup:
     threads: int = 1
     counter: Counter = field(default_factory=Counter)
     units: UnitValues = REDUCED_VALUES
-    averaging: bool = True
 
     @property
     def quarter(self) -> bool:

@@ -1,7 +1,7 @@
-"""Transforms of fields on a square lattice: the whole lattice, or a quarter of it where fields are even or odd.
+"""Transforms of fields on a square lattice: the whole lattice, or a quarter of it where fields are even.
 
-A field that is even (odd) about the middle of a row of M nodes is known from M/2 of them, and its Fourier series is the
-cosine (sine) transform of these: a quarter of the nodes suffices for a field with both mirror symmetries.
+A field that is even about the middle of a row of M nodes is known from M/2 of them, and its Fourier series is the
+cosine transform of these: a quarter of the nodes suffices for a field with both mirror symmetries.
 """
 
 from __future__ import annotations
@@ -18,15 +18,7 @@ from contbranch.curve.problem import Work
 from contbranch.results.diagram import Cost
 from contbranch.watch import check
 
-__all__ = ["EVEN", "Counter", "Parity", "Sector", "Transform", "orders", "wavenumbers"]
-
-Parity = Literal["even", "odd"]
-Sector = tuple[Parity, Parity]
-
-EVEN: Sector = ("even", "even")
-
-_FORWARD = {"even": "FFTW_REDFT10", "odd": "FFTW_RODFT10"}
-_INVERSE = {"even": "FFTW_REDFT01", "odd": "FFTW_RODFT01"}
+__all__ = ["Counter", "Transform", "orders", "wavenumbers"]
 
 
 @dataclass
@@ -47,7 +39,7 @@ class Counter(Work):
         return Cost(0.0, self.newton, self.equilibrium, self.stability)
 
 
-def orders(nodes: int, parity: Sector | None) -> tuple[Array, Array]:
+def orders(nodes: int, even: bool) -> tuple[Array, Array]:
     """Numbers of the coefficients of a transform along both directions, (m, 1) and (1, m): half waves on a quarter with
     m nodes a side, waves on the whole array, (M, 1) and (1, M/2+1).
 
@@ -55,21 +47,20 @@ def orders(nodes: int, parity: Sector | None) -> tuple[Array, Array]:
     ----------
     nodes : int
         Nodes along one side of the array that is transformed.
-    parity : (str, str) or None
-        Of the two directions; None: the whole lattice.
+    even : bool
+        Whether that is a quarter of the lattice.
     """
-    if parity is not None:
-        rows, columns = (np.arange(float(nodes)) + float(p == "odd") for p in parity)
-        return rows[:, None], columns[None, :]
     waves = np.arange(float(nodes))
+    if even:
+        return waves[:, None], waves[None, :]
     return (waves - nodes * (2.0 * waves >= nodes))[:, None], waves[None, : nodes // 2 + 1]
 
 
-def wavenumbers(nodes: int, spacing: float, parity: Sector | None) -> Array:
-    """|q| of every coefficient of a transform; `nodes` and `parity` as for `orders`."""
+def wavenumbers(nodes: int, spacing: float, even: bool) -> Array:
+    """|q| of every coefficient of a transform; `nodes` and `even` as for `orders`."""
     # From whole numbers, so that a quarter and the whole lattice have the same digits.
-    rows, columns = orders(nodes, parity)
-    unit = (2.0 if parity is None else 1.0) * np.pi / (nodes * spacing)
+    rows, columns = orders(nodes, even)
+    unit = (1.0 if even else 2.0) * np.pi / (nodes * spacing)
     return np.asarray(unit * np.sqrt(np.rint(rows**2 + columns**2)))
 
 
@@ -81,29 +72,29 @@ class Transform:
     ----------
     nodes : int
         Nodes along one side of the array.
-    parity : (str, str) or None
-        ``("even", "even")`` and so on for a quarter of the lattice; None for the whole.
+    even : bool
+        Whether it is a quarter of the lattice.
     threads : int
     counter : Counter
         Where pairs are counted; transforms of one problem share it.
     """
 
     nodes: int
-    parity: Sector | None = EVEN
+    even: bool = True
     threads: int = 1
     counter: Counter = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         n = self.nodes
         self._space = pyfftw.empty_aligned((n, n), dtype="float64")
-        if self.parity is None:
-            self._spectrum = pyfftw.empty_aligned((n, n // 2 + 1), dtype="complex128")
-            directions: tuple[object, object] = ("FFTW_FORWARD", "FFTW_BACKWARD")
-            self.normalisation = 1.0 / n**2
-        else:
+        if self.even:
             self._spectrum = pyfftw.empty_aligned((n, n), dtype="float64")
-            directions = (tuple(_FORWARD[p] for p in self.parity), tuple(_INVERSE[p] for p in self.parity))
+            directions: tuple[object, object] = (("FFTW_REDFT10",) * 2, ("FFTW_REDFT01",) * 2)
             self.normalisation = 1.0 / (2 * n) ** 2
+        else:
+            self._spectrum = pyfftw.empty_aligned((n, n // 2 + 1), dtype="complex128")
+            directions = ("FFTW_FORWARD", "FFTW_BACKWARD")
+            self.normalisation = 1.0 / n**2
         options = {"axes": (0, 1), "flags": ("FFTW_MEASURE", "FFTW_DESTROY_INPUT"), "threads": self.threads}
         self._forward: Callable[[], object] = pyfftw.FFTW(
             self._space, self._spectrum, direction=directions[0], **options

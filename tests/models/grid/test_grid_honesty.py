@@ -106,16 +106,25 @@ def test_an_unknown_error_is_printed_as_one():
 
 
 def test_a_map_that_is_not_periodic_is_said_to_be_repeated():
-    """A measured map, here half of a periodic one, has a step where the cell repeats it; a window takes it away."""
+    """A measured map, here half of a periodic one, has a step where the cell repeats it."""
     cut = cb.HeightMap.self_affine(64, 2.0, 0.8, rms_slope=0.3, seed=3).heights[:32, :32]
     law = cb.Gauss(0.02, 0.5)
-    with pytest.warns(cb.GridWarning, match=r"^The height map is not periodic: across the edges .* window='hann'"):
+    with pytest.warns(cb.GridWarning, match=r"^The height map is not periodic: across the edges .* use model='free'"):
         state = cb.solve(cb.Contact(cb.HeightMap(cut, 1.0), law), load=0.5, model=cb.Periodic())
     assert "The height map is not periodic" in state.message
-    assert (
-        "periodic"
-        not in cb.solve(cb.Contact(cb.HeightMap(cut, 1.0, window="hann"), law), load=0.5, model=cb.Periodic()).message
-    )
+    assert "periodic" not in cb.solve(cb.Contact(cb.HeightMap(cut, 1.0), law), load=0.5, model=cb.FreeSpace()).message
+
+
+@pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
+def test_the_advice_for_a_tilted_map_is_to_level_it() -> None:
+    """A window would make a cushion of the tilt: 25.8 % contact instead of 4.2 %."""
+    rough = np.array(cb.HeightMap.self_affine(64, 1e4, 0.8, rms_height=35.0, seed=1).heights)
+    tilted = rough + np.linspace(-390.0, 390.0, 64)[:, None]
+    message = cb.solve(cb.Contact(cb.HeightMap(tilted, cell=1e4)), load=1e5).message
+    assert "with that step; subtract its tilt with detrend='plane'." in message
+    level = cb.HeightMap(tilted, cell=1e4, detrend="plane")
+    assert level.rms_height == pytest.approx(35.0, rel=0.06)
+    assert not level.tilted
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
@@ -292,13 +301,7 @@ def test_a_cell_too_small_for_a_cone_is_known_to_be(cell: float) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::contbranch.GridWarning")
-def test_films_on_a_ramp_are_as_uncertain_as_the_ramp_is_wide() -> None:
-    """The film of a Maugis-Dugdale attraction jumps in where its gap is the range, without a load until then."""
-    contact = cb.Contact.reduced(cb.MaugisDugdale, tabor=1.3)
-    diagram = cb.trace(contact, model=cb.FreeSpace(cell=12.0, grid=48), max_load=3.0)
-    jump = next(event for event in diagram.events if event.name == "jump-in")
-    for name, exact in (("load", 0.0), ("displacement", -1 / 1.3), ("central_gap", 1 / 1.3)):
-        assert abs(getattr(jump, name) - exact) <= jump.error[name] < 1.0
+def test_films_on_a_ramp_say_how_wide_it_is() -> None:
     film = cb.Contact(cb.PowerLaw(2.887, 1.0), cb.MaugisDugdale(-1.0, 0.635))
     repelled = cb.trace(film, model=cb.FreeSpace(cell=12.0, grid=48), max_load=22.0)
     assert "a ramp of ±50 % of its range" in repelled.message

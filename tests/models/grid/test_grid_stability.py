@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from grid_indices import exchange, morse, slope
+from grid_indices import morse, slope
 from grid_states import Row, grid_problem, traced
 from scipy.linalg import eigh
 
@@ -12,18 +14,17 @@ import contbranch as cb
 from contbranch.models.grid.lattice import IMAGE_SUM, Lattice
 from contbranch.models.grid.newton import Equilibrium, Hold, hold_control, newton
 from contbranch.models.grid.problem import GridProblem
-from contbranch.models.grid.stability import SECTORS, Stability
-from contbranch.models.grid.switching import whole_problem
-from contbranch.models.grid.transforms import EVEN, Counter
+from contbranch.models.grid.stability import Stability
+from contbranch.models.grid.transforms import Counter
 from contbranch.models.grid.variation import Precision
 
 FLAT = cb.Contact(cb.PowerLaw(3.0, 1.0), cb.Gauss(-1.0, 0.4))
 EXACT = Precision(tolerance=1e-7, share=1e-7, guard=2, basis=40)
 
 
-def elliptic(kind: str, edge: float, grid: int, law: cb.Interaction, ratio: float = 1.5) -> GridProblem:
+def elliptic(kind, edge, grid, law, ratio=1.5, quarter=False) -> GridProblem:
     """A tip without symmetry about the diagonal."""
-    lattice = Lattice(kind, edge, grid)
+    lattice = Lattice(kind, edge, grid, quarter)
     x = lattice.axis[: lattice.inside]
     return GridProblem(lattice, lattice.fill(x[:, None] ** 2 / 2 + ratio * x**2 / 2), law)
 
@@ -39,15 +40,14 @@ def periodic_stiffness(lattice: Lattice) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["periodic", "free"])
-@pytest.mark.parametrize("sector", SECTORS)
-def test_elasticity_of_a_sector_is_that_of_the_whole_lattice(kind, sector):
+def test_elasticity_of_a_quarter_is_that_of_the_whole_lattice(kind):
     """The same field, whole and by its quarter; in free space K̂ itself is known to nine digits."""
     lattice, whole = Lattice(kind, 5.0, 16), Lattice(kind, 5.0, 16, quarter=False)
     values = np.random.default_rng(3).standard_normal((lattice.size, lattice.size))
-    own, other = lattice.transform(Counter(), 1, sector), whole.transform(Counter())
-    found = own.filter(lattice.symbol(sector) * own.normalisation, values)
-    expected = other.filter(whole.symbol(None) * other.normalisation, lattice.unfold(values, sector))
-    assert lattice.unfold(found, sector) == pytest.approx(expected, abs=1e-8)
+    own, other = lattice.transform(Counter()), whole.transform(Counter())
+    found = own.filter(lattice.symbol * own.normalisation, values)
+    expected = other.filter(whole.symbol * other.normalisation, lattice.unfold(values))
+    assert lattice.unfold(found) == pytest.approx(expected, abs=1e-8)
 
 
 # Gaps x²/2 and y² times a factor, plus a constant, and the contact's radius. The matrices are those of any state,
@@ -86,24 +86,34 @@ def dense(problem: GridProblem, found: Equilibrium) -> tuple[np.ndarray, np.ndar
 def test_eigenvalues_are_those_of_a_dense_matrix(state):
     problem, found = state
     expected = eigh(*dense(problem, found), eigvals_only=True)
-    stability = Stability(problem)
-    spectra = [stability.spectrum(found, sector, EXACT, count=3) for sector in SECTORS]
-    lowest = np.sort(np.concatenate([spectrum.eigenvalues for spectrum in spectra]))
-    # Of all below the highest of the one sector or the other none is missing; those at 1 are many, and of no interest.
-    bound = min(0.99, *(spectrum.eigenvalues[-1] for spectrum in spectra))
-    assert lowest[lowest <= bound] == pytest.approx(expected[: (lowest <= bound).sum()], abs=1e-8)
-    assert (lowest <= bound).sum() >= 3
+    spectrum = Stability(problem).spectrum(found, EXACT, count=6)
+    # Of all below the highest none is missing; those at 1 are many, and of no interest.
+    lowest = spectrum.eigenvalues[spectrum.eigenvalues <= min(0.99, spectrum.eigenvalues[-1])]
+    assert lowest == pytest.approx(expected[: len(lowest)], abs=1e-8)
+    assert len(lowest) >= 3
+
+
+def test_a_quarter_has_the_even_modes(state):
+    problem, found = state
+    quarter = elliptic("periodic", 6.0, 16, problem.law, quarter=True)
+    half = problem.lattice.grid // 2
+    fields = found.fields._replace(stiffness=found.fields.stiffness[half:, half:])
+    even = Stability(quarter).spectrum(replace(found, fields=fields, contact=found.contact[half:, half:]), EXACT)
+    whole = Stability(problem).spectrum(found, EXACT, count=6)
+    mirrored = np.einsum("kij,kij->k", whole.vectors[:, ::-1, ::-1], whole.vectors) > 0.0
+    along = np.einsum("kij,kij->k", whole.vectors[:, ::-1], whole.vectors) > 0.0
+    assert even.index == np.count_nonzero(whole.eigenvalues[mirrored & along] < 0.0)
+    if even.eigenvalues.size:
+        assert even.eigenvalues[0] == pytest.approx(whole.eigenvalues[0], abs=1e-8)
 
 
 def test_error_bounds_hold_at_low_precision(state):
     problem, found = state
-    stability = Stability(problem)
-    for sector in SECTORS:
-        exact = stability.spectrum(found, sector, EXACT, count=3)
-        loose = Stability(problem).spectrum(found, sector, Precision(tolerance=0.05, share=0.3), count=2)
-        for value, error in zip(loose.eigenvalues, loose.errors, strict=True):
-            if value < 1.0:
-                assert np.abs(exact.eigenvalues - value).min() <= error
+    exact = Stability(problem).spectrum(found, EXACT, count=6)
+    loose = Stability(problem).spectrum(found, Precision(tolerance=0.05, share=0.3), count=2)
+    for value, error in zip(loose.eigenvalues, loose.errors, strict=True):
+        if value < 1.0:
+            assert np.abs(exact.eigenvalues - value).min() <= error
 
 
 def test_index_is_the_inertia_under_both_controls(state):
@@ -115,7 +125,7 @@ def test_index_is_the_inertia_under_both_controls(state):
     index = morse(problem, found)
     assert index.displacement == (np.linalg.eigvalsh(held) < 0).sum()
     assert index.load == (np.linalg.eigvalsh(free_mean) < 0).sum()
-    assert not index.uncertain
+    assert not index.spectrum.uncertain
 
 
 def test_slope_is_that_of_the_dense_system(state):
@@ -152,19 +162,6 @@ def test_slope_is_that_of_neighbouring_equilibria(displacement):
     assert (rate < 0) == (displacement < 0)
 
 
-def test_settled_sectors_are_stable_and_cost_nothing(state):
-    problem, found = state
-    short, whole = morse(problem, found, 1.0), morse(problem, found, 1.0, count=1)
-    assert short.displacement == whole.displacement
-    assert short.pairs <= whole.pairs
-    if whole.spectra["odd", "even"].index == 0:
-        assert short.spectra["odd", "odd"].eigenvalues.size == 0
-        assert short.pairs < whole.pairs
-    lows = [whole.spectra[sector].eigenvalues[0] for sector in SECTORS]
-    assert lows[0] < min(lows[1:3])
-    assert max(lows[1:3]) < lows[3]
-
-
 def test_work_is_counted_apart(state):
     problem, found = state
     before = problem.counter.equilibrium, problem.counter.stability
@@ -179,14 +176,7 @@ def test_nothing_softens_without_an_interaction():
     found = newton(problem, -np.minimum(problem.heights, 0.5), 1.0, Hold(1.0))
     index = morse(problem, found, 1.0)
     assert (index.load, index.displacement, index.pairs) == (0, 0, 0)
-    assert not index.uncertain
-
-
-def test_a_sector_that_the_lattice_lacks_is_an_error():
-    problem = elliptic("periodic", 6.0, 16, cb.Gauss(-1.0, 1.0))
-    found = newton(problem, np.full(problem.shape, 1.0), 1.0, Hold(1.0))
-    with pytest.raises(ValueError, match="sector"):
-        Stability(problem).spectrum(found, None)
+    assert not index.spectrum.uncertain
 
 
 @pytest.fixture(scope="module")
@@ -195,46 +185,18 @@ def flat():
 
 
 def test_eigenvalues_are_those_of_azimuthal_modes(flat):
-    """A film unstable to m = 1, 2, 3: κ are those of T_m, and sectors have the modes of their symmetry.
+    """A film unstable to m = 1, 2, 3: κ are those of T_m, each twice.
 
     The lattice and its cell change them by 4e-4 (64² against 256²).
     """
     rows = [Row(FLAT, flat, k) for k in range(len(flat.points))]
     row = next(row for row in rows if row.load > 1.0 and row.n_0 == 1 and len(row.azimuthal) == 3)
-    problem = grid_problem(FLAT, "free", 8.0, 64)
+    problem = grid_problem(FLAT, "free", 8.0, 64, quarter=False)
     found = row.on(problem)
-    stability = Stability(problem, EXACT)
-    index = morse(stability, found)
-    odd, double = index.spectra["odd", "even"], index.spectra["odd", "odd"]
-    even = index.spectra[EVEN]
-    near = {"rel": 2e-3, "abs": 2e-3}
-    assert odd.eigenvalues[:2] == pytest.approx([row.eigenvalues(1)[0], row.eigenvalues(3)[0]], **near)
-    assert index.spectra["even", "odd"].eigenvalues == pytest.approx(odd.eigenvalues)
-    assert double.eigenvalues[0] == pytest.approx(row.eigenvalues(2)[0], **near)
-    assert even.eigenvalues[1] == pytest.approx(row.eigenvalues(2)[0], **near)
-    assert exchange(even)[:2] == pytest.approx([1.0, -1.0], abs=1e-6)
-    assert exchange(double)[0] == pytest.approx(1.0, abs=1e-6)
+    index = morse(Stability(problem, EXACT), found)
+    expected = [row.eigenvalues(m)[0] for m in (1, 1, 2, 2, 3, 3)]
     assert index.displacement == 7
-    assert (index.symmetric, index.breaking) == (1, 6)
-
-
-def test_the_whole_lattice_finds_every_sector_and_pairs_of_equal_eigenvalues(flat):
-    rows = [Row(FLAT, flat, k) for k in range(len(flat.points))]
-    row = next(row for row in rows if row.load > 1.0 and row.n_0 == 1 and len(row.azimuthal) == 3)
-    problem = grid_problem(FLAT, "free", 8.0, 64)
-    found = row.on(problem)
-    whole = whole_problem(problem)
-    same = newton(whole, problem.lattice.unfold(found.u), found.load, Hold(found.load))
-    assert (same.converged, same.steps) == (True, 0)
-    parts = morse(Stability(problem, EXACT), found)
-    united = morse(Stability(whole, EXACT), same)
-    negative = np.sort(np.concatenate([spectrum.eigenvalues for spectrum in parts.spectra.values()]))
-    negative = negative[negative < 0]
-    assert len(negative) == 7
-    # The state is the same with x and y exchanged but for its residual, and so are (odd, even) and (even, odd).
-    assert united.spectra[None].eigenvalues[:7] == pytest.approx(negative, abs=1e-6)
-    assert united.load == parts.load
-    assert united.slope == pytest.approx(parts.slope, rel=1e-6)
+    assert index.spectrum.eigenvalues[1:7] == pytest.approx(sorted(expected), rel=2e-3, abs=2e-3)
 
 
 CURVES = {

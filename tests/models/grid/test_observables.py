@@ -58,7 +58,7 @@ def test_sums_over_images():
 def test_elasticity_is_positive_in_free_space():
     # E|q|/2 within 10 %, though the kernel ends at the edge of a square.
     lattice = Lattice("free", 3.0, 128, quarter=False)
-    symbol, half = lattice.symbol(None), 0.5 * wavenumbers(lattice.size, lattice.spacing, None)
+    symbol, half = lattice.symbol, 0.5 * wavenumbers(lattice.size, lattice.spacing, False)
     assert symbol[0, 0] == 0.0
     half[0, 0] = symbol[0, 0] = 1.0
     assert np.abs(symbol / half - 1.0).max() < 0.1
@@ -70,7 +70,7 @@ def moved_in_free_space(pressure):
     """Displacements of the nodes of a cell of edge 1 in free space, which bear a pressure, by its transform."""
     grid = len(pressure)
     whole = np.pad(pressure, (0, grid))
-    moved = np.fft.irfft2(np.fft.rfft2(whole) / Lattice("free", 1.0, grid, quarter=False).held_symbol(None))
+    moved = np.fft.irfft2(np.fft.rfft2(whole) / Lattice("free", 1.0, grid, quarter=False).held_symbol)
     return moved[:grid, :grid]
 
 
