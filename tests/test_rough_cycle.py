@@ -31,12 +31,12 @@ def test_cycle_closes_and_dissipates(cycle: rough_cycle.Cycle) -> None:
         d = np.linspace(first.state.displacement, last.state.displacement, 2)
         assert leg.direction * (d[1] - d[0]) >= 0.0
         work += cycle.walk.work(first, last)
-    assert work * cycle.contact.scales.energy == pytest.approx(cycle.dissipated, rel=1e-3)
+    assert work * cycle.contact.scales.energy == pytest.approx(cycle.dissipated, rel=2e-3)
 
 
 def test_energy_is_the_integral_of_the_load(cycle: rough_cycle.Cycle) -> None:
-    # splines through 154 rows leave 1.5e-4, through the 191 of a larger cell 0.9e-4
-    assert rough_cycle.energy_mismatch(cycle) < 2e-4
+    # splines through 119 rows leave 6e-4
+    assert rough_cycle.energy_mismatch(cycle) < 1e-3
 
 
 def test_spectra_confirm_morse_indices(cycle: rough_cycle.Cycle) -> None:

@@ -211,11 +211,12 @@ def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
 def _read_text(path: Path) -> tuple[Array, str | None]:
     """A table of numbers: a line for every row, separated by blanks, commas, semicolons or tabs; # begins a comment.
 
-    Between semicolons a comma is a decimal one where there is no point. A comment such as ``# Value units: m`` (Gwyddion)
+    Between semicolons a comma is a decimal one where there is no point. A comment as ``# Value units: m`` (Gwyddion)
     names the unit of the heights.
     """
     text = path.read_text(encoding="utf-8-sig")
-    named = re.search(r"^\s*#.*\b(?:value|height|z)\s*units?\s*[:=]\s*(\S+)\s*$", text, re.I | re.M)
+    header = r"^\s*#.*\b(?:value|height|z)\s*units?\s*[:=]\s*(\S+)\s*$"
+    named = re.search(header, text, re.IGNORECASE | re.MULTILINE)
     comma = "." if ";" in text and "." not in text else " "
     try:
         values = np.loadtxt(text.replace(";", " ").replace(",", comma).splitlines(), ndmin=2)

@@ -81,7 +81,7 @@ NOTHING = 1e-12
 # Steps along the curve: growth from one to the next, the shortest in a film and in contact, where then corners are
 # followed, and the angles between tangents that corners leave.
 GROWTH, SHORTEST_IN_FILM, SHORTEST_IN_CONTACT = 2.0, 1e-9, 1e-3
-ANGLE, ANGLE_LIMIT = 1.0, 1.5
+ANGLE, ANGLE_LIMIT = 0.3, 1.5
 # Nodes up to which a curve on a lattice softer than the law is followed from corner to corner.
 LOOKED = 32**2
 # Of a point at a corner, with the tangent before it.
