@@ -21,9 +21,7 @@ from contbranch.results.profile import ModeShape, Profile
 
 if TYPE_CHECKING:
     from contbranch.contact.contact import Contact
-    from contbranch.continuation import Event, StopAt
-    from contbranch.continuation.follow import Branch
-    from contbranch.curve.events import Ceiling, Folds
+    from contbranch.continuation import Event
     from contbranch.curve.outcome import RawEvent
 
 __all__ = [
@@ -354,23 +352,6 @@ class EquilibriumProblem(Problem):
     def corners_between(self, begin: Point, end: Point) -> int:
         """How many corners lie between two points next to each other on the curve."""
         return 0
-
-    def walked(self, start: Point, folds: Folds, end: Ceiling, stop: StopAt) -> Branch | None:
-        """The piece of curve that begins at a point, followed by means of the problem's own; None: by the engine.
-
-        Points of other problems may come last; the name of the last event says what ended it.
-        """
-        return None
-
-    def meeting(self, begin: Point, end: Point, control: Control, value: float) -> Point | None:
-        """The equilibrium between two rows at a value of a control, by means of the problem's own; None: by `refine`.
-
-        Raises
-        ------
-        CorrectionError
-            If it was not found.
-        """
-        return None
 
     def before(self, control: Control, value: float) -> Point | None:
         """An equilibrium close to the one with a value of a control farther away than the start; None without."""

@@ -105,9 +105,6 @@ def crossing(track: Track, piece: int, control: Control | None, value: float, ac
     event = Reached(control, value if control is None else control.target(value))
     begin, end = track.onward.get(piece, track.points[piece]), track.points[piece + 1]
     try:
-        own = None if control is None else equilibrium(begin).meeting(begin, end, control, value)
-        if own is not None:
-            return Crossing(piece, refine(own, event, accuracy))
         nearest = [begin, end.turned()]
         with suppress(CorrectionError):  # of two rows that no piece joins: with the one whose problem has the state
             nearest = [between(track.link(piece), event)[1]]

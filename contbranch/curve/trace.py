@@ -221,13 +221,10 @@ class _Tracing:
         return branch
 
     def _followed(self, start: Point, step: float | None) -> Branch:
-        """The piece from a start, by means of its problem's own or by the engine."""
+        """The piece from a start."""
         problem = equilibrium(start)
         folds = Folds(() if problem.convex else self.request.controls, self._raise_end, self.slopes)
         stop = StopAt(predicate=self._report_progress)
-        branch = problem.walked(start, folds, self.end, stop)
-        if branch is not None:
-            return branch
         balance, leaving = problem.balance(start, step), problem.leaving(start, step)
         margins = [Margin(name) for name in problem.margins(start.x, start.parameter)]
         interval, options = Range(*problem.parameter_range), problem.steps(leaving)

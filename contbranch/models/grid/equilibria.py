@@ -180,17 +180,6 @@ class LatticeProblem(OnNodes):
         seen = {**self.observables(x, state.load), "fft_pairs": float(state.pairs)}
         return Point(self, x, state.load, change.ravel(), load, observables=seen)
 
-    def tangential(self, point: Point) -> Point:
-        """The point with the tangent of the curve, in the sense of the direction that it has."""
-        along = point.tangent_x.reshape(self.nodes.shape)
-        measure = Measure.of(
-            np.maximum(self.nodes.heights + point.x.reshape(self.nodes.shape), 0.0), point.parameter, self.scale
-        )
-        hold = Direction.along(measure, along, point.tangent_parameter).hold(0.0, 0.0)
-        with quietly():
-            u, load = tangent(self.nodes, self.at(point), hold, 1e-8)[:2]
-        return replace(point, tangent_x=u.ravel(), tangent_parameter=load)
-
     def reading(self, x: Array, p: float) -> Reading:
         """What is seen of a state."""
         return read(self.setup, self.state(x, p))
@@ -667,10 +656,6 @@ class LatticeProblem(OnNodes):
         if not end.converged:
             return None
         raise AstrayError(State(*read(self.setup, end)[:5], 0, 0, 0.0))
-
-    def _apart(self, one: Equilibrium, other: Equilibrium) -> float:
-        """Largest difference between two states' gaps, relative to the law's range."""
-        return magnitude(one.u - other.u) / self.scale
 
     def away(self, point: Point, state: Equilibrium) -> float:
         """The same of a point's state and another."""

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from contbranch.control import DISPLACEMENT
 from contbranch.curve.curves import Coexisting
 from contbranch.curve.events import Reached
 from contbranch.curve.refine import refine
@@ -17,6 +18,7 @@ from contbranch.results.diagram import State
 from .equilibria import LatticeProblem
 from .measure import quietly
 from .newton import Equilibrium, Hold, Settings, Sketch, control_held, hold_control, newton, settings_for, tangent
+from .problem import GridProblem
 from .resolution import Resolution, fills, repetition, rounded_up, warn
 from .setup import Setup
 from .size import border_message, chosen_size
@@ -26,6 +28,9 @@ __all__ = ["reached", "solve_all"]
 
 # Two states are one if their fields differ by less than this part of the law's range.
 SAME = 1e-3
+# Residual of a contact without interaction from which a search begins, and its load in addition to the one wanted, as a
+# share of the largest pull on all of the cell.
+BARE, PULL_SHARE = 1e-6, 0.5
 
 
 def solve_all(setup: Setup, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
@@ -114,16 +119,23 @@ def reached(setup: Setup, sketch: Sketch, hold: Hold, settings: Settings) -> Equ
 
 
 def trials(setup: Setup, field: str, value: float) -> list[Sketch]:
-    """Two starts for relaxation, for a tip without likeness: undeformed, just apart, and pressed flat by the load."""
-    problem = setup.problem
+    """Starts for relaxation, for a tip without likeness: pressed to the wall, and undeformed, just apart.
+
+    The former are contacts without interaction, which is convex: at the load or displacement, and at a larger load,
+    from where attractive surfaces come apart no further than they have to.
+    """
+    problem, nothing = setup.problem, np.zeros(setup.problem.shape, dtype=bool)
     heights = np.where(np.isfinite(problem.heights), problem.heights, 0.0)
-    apart = setup.length
-    # Pressed flat: as if every height below the mean pressure's work were in contact.
+    # Flat, as if every height below the mean pressure's work were in contact.
     depth = float(np.quantile(heights[: setup.lattice.inside, : setup.lattice.inside], 0.3))
-    nothing = np.zeros(problem.shape, dtype=bool)
-    flat = -np.minimum(heights, depth)
-    load = value if field == "load" else 0.0
-    return [
-        Sketch(flat, load, np.isfinite(problem.heights) & (problem.heights + flat <= 0.0)),
-        Sketch(np.full(problem.shape, apart), load, nothing),
-    ]
+    flat, load = -np.minimum(heights, depth), value if field == "load" else 0.0
+    pressed = Sketch(flat, load, np.isfinite(problem.heights) & (problem.heights + flat <= 0.0))
+    starts, law = [], problem.law
+    bare = GridProblem(problem.lattice, problem.heights, None, problem.threads, problem.counter)
+    pull = 0.0 if law is None else max(0.0, -float(law.evaluate(np.zeros(1)).energy[0])) / law.range * setup.edge**2
+    holds = [control_held(bare, CONTROLS[field] or DISPLACEMENT, value)] if value > 0.0 else []
+    holds += [Hold(abs(load) + PULL_SHARE * pull)] if pull else []
+    for hold in holds if law is not None else ():
+        found = newton(bare, flat, hold.value, hold, pressed.contact, Settings(tolerance=BARE))
+        starts += [Sketch(found.u, found.load, found.contact)] if found.converged else []
+    return [*(starts or [pressed]), Sketch(np.full(problem.shape, setup.length), load, nothing)]

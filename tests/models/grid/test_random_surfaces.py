@@ -94,3 +94,17 @@ def test_a_curve_that_turns_back_on_itself_ends_there(monkeypatch: pytest.Monkey
     assert f"displacement {touch.displacement:.6g}" in found.message
     assert touch.position == len(branch) - 1
     assert (np.diff(branch.displacement) > 0.0).all()
+
+
+def test_nodes_of_a_wave_join_the_contact_line_by_line() -> None:
+    """Behind each corner 32 nodes are pressed at once, and no state knows where along the line it is."""
+    heights = np.repeat(0.2 * np.cos(2 * np.pi * np.arange(32) / 32)[:, None], 32, axis=1)
+    contact = cb.Contact(cb.HeightMap(heights, cell=8.0), cb.Exponential(work_of_adhesion=0.005, range=0.15))
+    found = cb.trace(contact, control="displacement", max_load=3.0)
+    branch = found.branches[0]
+    assert found.status == "complete"
+    assert branch.load[-1] == pytest.approx(3.0)
+    for row in np.flatnonzero(branch.contact_radius > 0.0)[::6]:
+        gap = branch.state(int(row)).cell.gap
+        assert np.ptp(gap, axis=1).max() < 1e-6
+        assert (gap == 0.0).any()
