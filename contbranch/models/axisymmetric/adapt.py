@@ -255,8 +255,6 @@ def _mergeable(
     for k in candidates:
         if chosen and k - chosen[-1] < 2:
             continue
-        if mesh.bounded and len(edges) - len(chosen) == 3:
-            break  # the innermost panel does not end at the tip's edge
         if k > 1 and edges[k + 1] > GROWTH * edges[k - 1]:
             continue
         if k == 1 and len(edges) > 3 and edges[3] > GROWTH * edges[2]:

@@ -73,7 +73,7 @@ GRAIN = 1.5
 # Error of the contact radius itself, in rows of nodes, and pieces that what is fitted takes off the scatter.
 MEASURED, FITTED = 0.03, 3.0
 # Scatters that an energy may be off.
-SCATTERS = 2.0
+SCATTERS = 3.0
 
 
 class Piece(NamedTuple):

@@ -177,8 +177,7 @@ class LatticeProblem(OnNodes):
         x = state.u.ravel()
         self._recent.append((x, state))
         change, load = np.where(state.contact, 0.0, direction[0].reshape(state.u.shape)), direction[1]
-        seen = {**self.observables(x, state.load), "fft_pairs": float(state.pairs)}
-        return Point(self, x, state.load, change.ravel(), load, observables=seen)
+        return Point(self, x, state.load, change.ravel(), load, observables=self.observables(x, state.load))
 
     def reading(self, x: Array, p: float) -> Reading:
         """What is seen of a state."""
@@ -390,8 +389,9 @@ class LatticeProblem(OnNodes):
         return Values(*self.reading(x, p)[:5])
 
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
-        """The values, and the length of the rim."""
-        return dict(zip((*Values._fields, "perimeter"), self.reading(x, p), strict=False))
+        """The values, the length of the rim, and the pairs of transforms that the state took."""
+        seen = dict(zip((*Values._fields, "perimeter"), self.reading(x, p), strict=False))
+        return seen | {"fft_pairs": float(self.state(x, p).pairs)}
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Of load, displacement and gap; a contact grows by nodes, and has no rate."""

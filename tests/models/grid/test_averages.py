@@ -40,7 +40,6 @@ def folds(diagram: cb.Diagram) -> list[tuple[str | None, str | None]]:
 @pytest.mark.parametrize(
     ("contact", "cell", "grid", "name", "within"),
     [
-        (REPULSION, 9.0, 48, "wetting_load", 0.3),
         (REPULSION, 9.0, 64, "wetting_load", 0.05),
         (REPULSION, 9.0, 96, "wetting_load", 0.01),
         (SMALL, 9.31, 64, "wetting_load", 1e-3),
