@@ -353,7 +353,7 @@ class MeshedContact(MovingContact):
 
     def _mesh(self, edges: Array, motion: Motion | None, bounded: bool) -> Mesh:
         """The mesh of these edges, with roots where what moves with it has them."""
-        if bounded and len(edges) == 2:  # solutions are even at its begin, and end like a root, towards which it is graded
+        if bounded and len(edges) == 2:  # solutions are even at its begin, and end like a root
             edges = np.array([edges[0], 0.75 * edges[1], edges[1]])
         places = np.array([] if motion is None else sorted(one.place for one in motion.all if one.root))
         roots = np.abs(edges[:, None] - places).argmin(axis=0)
