@@ -82,6 +82,8 @@ NOTHING = 1e-12
 # followed, and the angles between tangents that corners leave.
 GROWTH, SHORTEST_IN_FILM, SHORTEST_IN_CONTACT = 2.0, 1e-9, 1e-3
 ANGLE, ANGLE_LIMIT = 0.3, 1.5
+# Points of a piece at most: where rounding hides a stiff film's curve, steps get shorter without end.
+MOST_POINTS = 1000
 # Nodes up to which a curve on a lattice softer than the law is followed from corner to corner.
 LOOKED = 32**2
 # Of a point at a corner, with the tangent before it.
@@ -267,6 +269,7 @@ class LatticeProblem(OnNodes):
     def steps(self, start: Point) -> Options:
         """In contact over the corners of the lattice, and over those of a law with ramps."""
         own = replace(STEPS, growth=GROWTH, smallest_step=SHORTEST_IN_FILM, detect_branch_points=False)
+        own = replace(own, maximum_points=MOST_POINTS)
         if self.wall or has_ramps(self.setup.law):
             own = replace(own, angle=ANGLE, angle_limit=ANGLE_LIMIT)
         return replace(own, smallest_step=SHORTEST_IN_CONTACT) if self.wall else own

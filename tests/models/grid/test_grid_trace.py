@@ -123,20 +123,6 @@ def test_a_small_cell_warns_and_names_the_cell_needed(cell: float, load: float) 
         cb.solve(ATTRACTION, load=load, model=cb.FreeSpace(cell=needed, grid=64))
 
 
-@pytest.mark.parametrize(("tabor", "cell", "grid"), [(3.6, 9.0, 128), (4.0, 11.0, 96)])
-def test_a_film_that_gives_way_in_one_spot_is_followed_through_its_fold(tabor: float, cell: float, grid: int) -> None:
-    """Stiff repulsion: next to squeeze-out hardly anything but the gap at the apex changes along the curve."""
-    contact = cb.Contact.reduced("van-der-waals", tabor, -1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", cb.GridWarning)
-        found = cb.trace(contact, model=cb.FreeSpace(cell=cell, grid=grid))
-    known, own = (
-        next(e for e in diagram.events if e.name == "squeeze-out" and e.control == "load")
-        for diagram in (cb.trace(contact), found)
-    )
-    assert abs(own.load - known.load) <= own.error["load"] <= 5e-3 * known.load
-
-
 def test_film_and_contact_are_both_found_on_request() -> None:
     load = 8.2
     model = cb.FreeSpace(cell=8.0, grid=64)
