@@ -132,7 +132,6 @@ def _late(end: End) -> End:
 
 # Corners that are passed one by one where steps hide what happens.
 CORNERS = 4
-NO_CORNER = "(The next corner of the curve was not found.)"
 
 
 class _Direction:
@@ -184,8 +183,8 @@ class _Direction:
         predictor, options, step = self._predictor(), self.options, self.step
         if self.corners or predictor.here.problem.by_corners:
             self.corners = max(self.corners - 1, 0)
-            with suppress(CorrectionError):
-                return self._to_corner(predictor.here, CorrectionError(Outcome.STEP_TOO_SMALL, NO_CORNER))
+            with suppress(CorrectionError):  # a step may do where no corner is found
+                return self._to_corner(predictor.here)
         growth, foresee, missed = options.growth, True, 0.0
         failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(The curve turns too sharply.)")
         while True:
@@ -196,7 +195,10 @@ class _Direction:
                 )
                 step = min(step, farthest / abs(here.tangent_parameter))
             if not step >= options.smallest_step:
-                return self._to_corner(here, failure)
+                try:
+                    return self._to_corner(here)
+                except CorrectionError:
+                    raise failure from failure.__cause__
             foretold = predictor.at(step)
             near, end = predictor.chosen(foretold, self.count, 0.5 * options.angle_limit * step), None
             try:
@@ -229,17 +231,19 @@ class _Direction:
                 step *= AFTER_FAILURE
             except LeapError as error:
                 if error.to_corner:
-                    self.corners = CORNERS - 1
-                    return self._to_corner(here, CorrectionError(Outcome.STEP_TOO_SMALL, NO_CORNER))
+                    with suppress(CorrectionError):
+                        taken = self._to_corner(here)
+                        self.corners = CORNERS - 1
+                        return taken
                 failure = CorrectionError(Outcome.STEP_TOO_SMALL, "(Every step leaps to another part of the curve.)")
                 step *= AFTER_FAILURE
             growth = 1.0  # what has failed once is not tried again at once
 
-    def _to_corner(self, here: Point, failure: CorrectionError) -> _Step:
-        """Go to the next corner of the curve, where it has any."""
+    def _to_corner(self, here: Point) -> _Step:
+        """Go to the next corner of the curve; CorrectionError where it has none."""
         corner = here.problem.corner(here)
         if corner is None:
-            raise failure
+            raise CorrectionError(Outcome.STEP_TOO_SMALL, "(The next corner of the curve was not found.)")
         before, behind = (examined(unit_tangent(point, self.metric)) for point in corner)
         segment, happenings, end = self._look_inside(Segment(here, before, self.metric), None)
         if end is None:

@@ -488,7 +488,7 @@ def averaged(
         seen = samples.add(piece)
         value = seen.contact_radius if held is None else held.weighted(seen.load, seen.displacement)
         known.append((seen.contact_radius, value))
-        radii, values = np.array(known).T
+        radii, values = np.array(sorted(known)).T
         before = np.interp(seen.contact_radius - half_width(seen.contact_radius, spacing), radii, values)
         if value >= end and value > before and reach == math.inf:
             reach = seen.contact_radius
@@ -515,7 +515,10 @@ def _denser(lattice: LatticeProblem, known: Samples, low: float, high: float) ->
     found = Samples(known.setup, first_touch[0], first_touch[1], first_touch[2], first_touch[3])
     states = sorted(known.states, key=itemgetter(0))
     below = [state for place, state in states if place < low]
-    first, ahead = [*below[-1:], *(state for place, state in states if place >= low)][:2]
+    around = [*below[-1:], *(state for place, state in states if place >= low)]
+    if len(around) < 2:
+        return known
+    first, ahead = around[:2]
     state = lattice.with_fields(first)
     way = lattice.corners.way(state, Direction.along(Measure.at(state, lattice.scale), *ahead.beyond(first)))
     for piece in pieces(lattice, (state, way)) if way else ():

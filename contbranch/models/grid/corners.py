@@ -21,7 +21,7 @@ from contbranch.arrays import Array, Flags
 from .linear import Change
 from .measure import Direction, Measure
 from .newton import Equilibrium, Hold, Settings, newton, tangent
-from .problem import Fields, GridProblem
+from .problem import GridProblem
 
 __all__ = ["Corners", "Way"]
 
@@ -167,11 +167,10 @@ class Corners:
         found = newton(self.problem, np.where(row, -self.problem.heights, u), load, hold, free, self.settings)
         return replace(found, contact=state.contact) if found.converged else None
 
-    def beside(self, state: Equilibrium, u: Array | Fields, load: float, along: Direction) -> Equilibrium | None:
+    def beside(self, state: Equilibrium, u: Array, load: float, along: Direction) -> Equilibrium | None:
         """The state of the same contact with the progress of a trial state."""
-        own = u.u if isinstance(u, Fields) else u
-        slack = 1e-4 * abs(along.value(own - state.u, load - state.load))
-        found = newton(self.problem, u, load, along.hold(along.value(own, load), slack), state.contact, self.settings)
+        slack = 1e-4 * abs(along.value(u - state.u, load - state.load))
+        found = newton(self.problem, u, load, along.hold(along.value(u, load), slack), state.contact, self.settings)
         return found if found.converged else None
 
     def _first(
