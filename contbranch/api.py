@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from numbers import Integral
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -23,7 +24,7 @@ from contbranch.curve.curves import Coexisting, FollowedCurves, Model, Route
 from contbranch.curve.loop import loop
 from contbranch.curve.outcome import RawCurve, assemble, no_curve, state_in_reduced, state_in_units
 from contbranch.curve.trace import Request
-from contbranch.errors import InputError, ModelError, number_of
+from contbranch.errors import InputError, ModelError, look_up, number_of
 from contbranch.models.choice import choose, curves
 from contbranch.results.diagram import Branch, Cost, Diagram, ModelChoice, Solution, State
 from contbranch.results.equilibria import Barrier, Equilibria
@@ -272,6 +273,10 @@ def hysteresis(
     model: str | Model = "auto",
     progress: Progress | None = None,
     time_limit: float | None = None,
+    *,
+    method: str = "curve",
+    steps: int = 60,
+    file: str | Path | None = None,
 ) -> Hysteresis:
     """Follow the quasi-static loop of a contact: the control is raised, then lowered, with a jump at every fold.
 
@@ -290,6 +295,15 @@ def hysteresis(
         Load, in contact, at which the path turns round; default as in `trace`, and far enough for every jump.
     model, progress, time_limit
         As in `trace`.
+    method : {"curve", "relaxation"}
+        Whether the curve is traced, or the control goes up and down in `steps`, each relaxed to the next stable state:
+        on grids only, for height maps with more jumps than a curve is worth being followed through. Jumps then lie
+        within a step, as the errors of what they dissipate say. `max_load` has to be given.
+    steps : int
+        Of relaxation, up to `max_load` and as many down again.
+    file : path, optional
+        HDF5 file in which relaxation keeps its states: ``rows``, with the names of the columns as an attribute, and
+        ``gap`` (states, nodes along x, nodes along y), in reduced units. A cycle that was interrupted goes on from it.
 
     Returns
     -------
@@ -306,6 +320,9 @@ def hysteresis(
     with _watched(progress, time_limit) as watch:
         asked = _ask(contact, control, accuracy, model)
         request = replace(asked.request, target=_limit(contact, max_load))
+        if look_up(method, {"curve": False, "relaxation": True}, "method"):
+            found = _relaxed(asked, request, steps, file)
+            return watch.passed(replace(found, cost=asked.timed(found.cost), model=asked.choice(found.model.unknowns)))
         route = asked.answer(partial(asked.curves.path, request), Route())
         curve = route.curve
         asked.refuse_below(request, curve)
@@ -314,6 +331,16 @@ def hysteresis(
     return watch.passed(found)
 
 
+def _relaxed(asked: _Asked, request: Request, steps: int, file: str | Path | None) -> Hysteresis:
+    """A loop by relaxation on a grid."""
+    if request.target is None:
+        raise InputError("max_load: missing; relaxation needs the load at which the path turns round")
+    if isinstance(steps, bool) or not isinstance(steps, Integral) or steps < 2:
+        raise InputError(f"steps: {steps!r}; must be a whole number of at least 2")
+    return asked.curves.cycle(request, asked.control, int(steps), None if file is None else Path(file))
+
+
+@one_thread
 def phase_diagram(
     contact: Contact,
     vary: Vary = "tabor",

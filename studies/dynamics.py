@@ -252,12 +252,12 @@ class LatticeMotion:
     def mean_stiffness(self) -> float:
         """K̂(0)."""
         row = 0.0 if self.hold.row is None else float(self.hold.row)
-        return -row * self.problem.lattice.size**2 / (self.hold.load_weight * self.problem.lattice.area)
+        return -row * self.problem.lattice.size / (self.hold.load_weight * self.problem.lattice.area)
 
     @cached_property
     def mass(self) -> float:
         """m: between the softest mode of the cell, 2/L, and the stiffest interaction, which takes the fewest steps."""
-        softest = 2.0 / self.problem.lattice.edge
+        softest = 2.0 / self.problem.lattice.edges[0]
         return max(softest, math.sqrt(softest * stiffest_interaction(self.problem)))
 
     @cached_property
@@ -359,7 +359,7 @@ class LatticeMotion:
         gaps, pull, softening = self._outwards
         at = np.clip(np.searchsorted(gaps, place.fields.gap) - 1, 0, None)
         # Nothing snaps in on the way, as no elastic mode is as soft as the interaction
-        rigid = softening[at].max() < 1.0 / self.problem.lattice.edge
+        rigid = softening[at].max() < 1.0 / self.problem.lattice.edges[0]
         strongest = self.problem.lattice.node_area * pull[at].sum()
         return Ending.ESCAPED if rigid and strongest <= -0.9 * load else None
 
@@ -383,7 +383,7 @@ def stiffest_interaction(problem: GridProblem) -> float:
 def _length(problem: GridProblem) -> float:
     """Shortest length on which the interaction changes; the cell's edge without one."""
     if problem.law is None:
-        return problem.lattice.edge
+        return problem.lattice.edges[0]
     return min(min(term.range for term in problem.law.terms), 0.25 * problem.law.wave)
 
 

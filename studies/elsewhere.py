@@ -95,7 +95,7 @@ class Seen(NamedTuple):
 def lattice(contact: cb.Contact, kind: Literal["free", "periodic"], grid: int, cell: float | None = None) -> Setup:
     """A lattice for a reduced contact; without a cell, of the one that the package would choose."""
     edge = chosen_size(contact, kind, (cell, grid), (None, None), 1e-6)[0]
-    return Setup(contact, kind, edge, grid)
+    return Setup(contact, kind, (edge, edge), (grid, grid))
 
 
 def lbfgs(problem: GridProblem, u: Array, load: float, hold: Hold) -> Equilibrium:

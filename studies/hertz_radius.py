@@ -30,7 +30,7 @@ def image_curvature(problem: GridProblem, equilibrium: Equilibrium) -> float:
     the same load, 0.125 % at a = L/8. Zero in free space.
     """
     lattice = problem.lattice
-    return CUBES * equilibrium.load / (2.0 * np.pi * lattice.edge**3) if lattice.kind == "periodic" else 0.0
+    return CUBES * equilibrium.load / (2.0 * np.pi * lattice.edges[0] ** 3) if lattice.kind == "periodic" else 0.0
 
 
 @dataclass(frozen=True)

@@ -125,7 +125,7 @@ class TestHeightMap:
         ("keys", "message"),
         [
             ('cell = "1 um"', "tip.file: missing; a height map needs a file"),
-            ('file = "h.npy"', "tip.cell: missing; a height map needs a file"),
+            ('file = "h.npy"', "tip.cell: missing; give the edge of the cell"),
             ('file = "h.npy"\ncell = "1 um"', "tip.file: has no unit, tip.cell has one; state unit"),
             ('file = "h.npy"\ncell = "1 um"\nunit = "GPa"', "tip.unit: '1 GPa': 'GPa' is not a unit of length"),
             ('file = "h.npy"\ncell = "1 um"\nunit = 3', "tip.unit: 3; must be a unit, for example 'nm'"),

@@ -51,7 +51,7 @@ def test_heights_are_those_above_the_point_that_touches_first():
     assert not tip.is_axisymmetric
     whole = cb.HeightMap(np.arange(64).reshape(8, 8), CELL)
     assert whole.heights.dtype == np.float64
-    assert tip.points == N
+    assert tip.points == (N, N)
 
 
 def test_the_array_is_copied_and_cannot_be_changed():
@@ -94,7 +94,7 @@ class TestScales:
 
     def test_they_do_not_depend_on_the_grid(self):
         tip = cb.HeightMap(sampled(waves), CELL)
-        finer = cb.HeightMap(tip.on_grid(CELL, 4 * N), CELL)
+        finer = cb.HeightMap(tip.on_grid((4 * N, 4 * N)), CELL)
         assert finer.rms_height == pytest.approx(tip.rms_height, rel=1e-12)
         assert finer.rms_slope == pytest.approx(tip.rms_slope, rel=1e-12)
 
@@ -137,25 +137,34 @@ class TestGrids:
 
     @pytest.mark.parametrize("n", [32, 64])
     def test_finer(self, n):
-        np.testing.assert_allclose(self.tip.on_grid(CELL, n), sampled(waves, n) - self.least, atol=1e-14)
+        np.testing.assert_allclose(self.tip.on_grid(self.tip.nodes_of(n)), sampled(waves, n) - self.least, atol=1e-14)
 
     def test_odd_map(self):
         nodes = np.arange(9) * CELL / 9
         tip = cb.HeightMap(egg_box(nodes[:, None], nodes), CELL)
-        np.testing.assert_allclose(tip.on_grid(CELL, 36), sampled(egg_box, 36), atol=1e-15)
+        np.testing.assert_allclose(tip.on_grid(tip.nodes_of(36)), sampled(egg_box, 36), atol=1e-15)
 
     def test_coarser_and_the_same(self):
-        assert self.tip.on_grid(CELL * (1 + 1e-12), N) is self.tip.heights
-        np.testing.assert_allclose(self.tip.on_grid(CELL, 8), sampled(waves, 8) - self.least, atol=1e-15)
+        assert self.tip.on_grid(self.tip.nodes_of(N)) is self.tip.heights
+        np.testing.assert_allclose(self.tip.on_grid((8, 8)), sampled(waves, 8) - self.least, atol=1e-15)
 
     @pytest.mark.parametrize("n", [0, 12, 24, 48, 17])
     def test_grids_that_do_not_fit(self, n):
         with pytest.raises(cb.InputError, match=f"^grid: {n} does not fit the 16 x 16 .*: 8, 16, 32, 64$"):
-            self.tip.on_grid(CELL, n)
+            self.tip.nodes_of(n)
+
+    def test_rectangles(self):
+        tip = cb.HeightMap(RANDOM[:, :12], (4.0, 3.0))
+        assert [tip.nodes_of(n) for n in (8, 16, 32)] == [(8, 6), (16, 12), (32, 24)]
+        np.testing.assert_allclose(tip.on_grid((32, 24))[::2, ::2], tip.heights, atol=1e-13)
+        assert cb.HeightMap(RANDOM[:, :1], (4.0, 1.0)).nodes_of(32) == (32, 1)
+        with pytest.raises(cb.InputError, match=r"^grid: 2 does not fit the 16 x 12 .*: 8, 16, 32, 64$"):
+            tip.nodes_of(2)
 
     def test_another_cell(self):
-        with pytest.raises(cb.InputError, match=r"^cell: 2.1; the height map has the cell 2: "):
-            self.tip.on_grid(2.1, N)
+        contact = cb.Contact(self.tip, cb.Exponential(1.0, 0.5))
+        with pytest.raises(cb.InputError, match=r"^cell: 2.1; the height map has the cell 2 x 2: leave cell out"):
+            cb.solve(contact, load=1.0, model=cb.Periodic(cell=2.1))
 
     def test_surface_at_any_place(self):
         np.testing.assert_allclose(self.tip.surface(NODES[:, None], NODES), self.tip.heights, atol=1e-13)
@@ -200,7 +209,7 @@ class TestFiles:
             (None, "dataset: missing; .* has 2 arrays of two dimensions: name one of other, scan/heights, x"),
             ("heights", "dataset: 'heights' is not in .*; must be one of other, scan/heights, x"),
             ("scan", "dataset: 'scan' is not in"),
-            ("x", r"heights: shape \(3,\); must be \(N, N\)"),
+            ("x", r"heights: shape \(3,\); must be \(N, M\)"),
         ):
             with pytest.raises(cb.InputError, match=f"^{message}") as error:
                 cb.HeightMap.from_file(path, cell=CELL, dataset=dataset)
@@ -291,7 +300,7 @@ class TestFiles:
         plain = cb.Contact(cb.HeightMap(RANDOM, CELL), law).describe()
         assert plain["tip"] == {
             "shape": "height-map",
-            "points": N,
+            "points": [N, N],
             "cell": CELL,
             "rms_height": pytest.approx(np.std(RANDOM), rel=0.05),  # but for the shortest waves
             "rms_slope": cb.HeightMap(RANDOM, CELL).rms_slope,
@@ -318,13 +327,11 @@ class TestTopography:
         ("given", "cell", "message"),
         [
             (
-                topography(RANDOM, (1.0, 2.0)),
+                topography(RANDOM, None),
                 None,
-                r"heights: a topography with the edges \(1.0, 2.0\); must be a square",
+                r"heights: shape \(16, 16\) of a topography with .* and the edges \(\)",
             ),
-            (topography(RANDOM[0], (1.0,)), None, r"heights: a topography with the edges \(1.0,\)"),
-            (topography(RANDOM, None), None, r"heights: a topography with the edges \(\)"),
-            (topography(RANDOM, (1.0, 1.0)), 2.0, "cell: 2, but the topography has the edge 1; leave cell out"),
+            (topography(RANDOM, (1.0, 1.0)), 2.0, "cell: 2, but the topography has the edges 1 x 1; leave cell out"),
             (topography(RANDOM, (1.0, 1.0), (8, 8)), None, r"heights: shape \(16, 16\) of a topography with the grid"),
             (topography(np.ma.masked_greater(RANDOM, 2.0), (1.0, 1.0)), None, r"heights: \d+ of 256 are not finite"),
         ],
@@ -344,11 +351,10 @@ def holed(*places):
 @pytest.mark.parametrize(
     ("heights", "message"),
     [
-        (holed((3, 4), (5, 0)), r"2 of 256 are not finite, the first is nan at \[3, 4\]; fill them in"),
+        (holed((3, 4), (5, 0)), r"2 of 256 are not finite, the first is nan at \[3, 4\]; fill=True inter"),
         (np.where(RANDOM.max() == RANDOM, np.inf, RANDOM), r"1 of 256 are not finite, the first is inf at"),
-        (RANDOM[0], r"shape \(16,\); must be \(N, N\) with N at least 8"),
-        (RANDOM[:8], r"shape \(8, 16\); must be \(N, N\)"),
-        (RANDOM[:7, :7], r"shape \(7, 7\); must be \(N, N\) with N at least 8"),
+        (RANDOM[0], r"shape \(16,\); must be \(N, M\), at least 8"),
+        (RANDOM[:7, :7], r"shape \(7, 7\); must be \(N, M\), at least 8"),
         (RANDOM[None], r"shape \(1, 16, 16\); must be"),
         (RANDOM + 0j, "dtype complex128; must be an array of real numbers"),
         (RANDOM > 0, "dtype bool; must be an array of real numbers"),
@@ -369,6 +375,8 @@ def test_wrong_heights(heights, message):
         ({"cell": 0.0}, "cell: 0; must be greater than zero"),
         ({"cell": math.nan}, "cell: nan; must be a finite number"),
         ({}, "cell: missing; give the edge of the cell"),
+        ({"cell": (1.0, 2.0, 3.0)}, "cell: 3 lengths for 16 x 16 heights; give the edge of the cell"),
+        ({"cell": 1.0, "fill": 1}, "fill: 1; must be True or False"),
         ({"cell": 1.0, "radius": -1.0}, "radius: -1; must be greater than zero"),
         ({"cell": 1.0, "unit": 0.0}, "unit: 0; must be greater than zero"),
         ({"cell": 1.0, "dataset": "x"}, "dataset: 'x'; only a file has data sets"),
@@ -377,6 +385,92 @@ def test_wrong_heights(heights, message):
 def test_wrong_settings(keywords, message):
     with pytest.raises(cb.InputError, match=f"^{message}"):
         cb.HeightMap(RANDOM, **keywords)
+
+
+@pytest.mark.filterwarnings("ignore:Could not import mpi4py:ImportWarning")
+def test_files_that_surfacetopography_reads(tmp_path):
+    """Its own format is netCDF of version 3, which is no HDF5."""
+    from SurfaceTopography import Topography, UniformLineScan
+
+    Topography(RANDOM[:12], (3.0, 4.0), unit="um").to_netcdf(tmp_path / "a.nc")
+    tip = cb.HeightMap.from_file(tmp_path / "a.nc")
+    assert tip == cb.HeightMap(RANDOM[:12], ("3 um", "4 um"), unit="um", peaks=True)
+    assert tip.in_nm
+    UniformLineScan(RANDOM[0], 4.0, unit="um").to_netcdf(tmp_path / "b.nc")
+    assert cb.HeightMap.from_file(tmp_path / "b.nc").edges == (4000.0, 1.0)
+    (tmp_path / "rough.toml").write_text(
+        'tip = {shape = "height-map", file = "a.nc"}\nmaterial = {modulus = "1 GPa"}\n'
+    )
+    assert cb.Contact.from_file(tmp_path / "rough.toml").tip == tip
+
+
+class TestRectangles:
+    def test_edges(self):
+        tip = cb.HeightMap(RANDOM[:8], ("1 um", "2 um"))
+        assert (tip.points, tip.edges, tip.cell) == ((8, 16), (1000.0, 2000.0), (1000.0, 2000.0))
+        with pytest.raises(cb.InputError, match=r"^cell: 1 length for 8 x 16 heights; give both edges of the cell"):
+            cb.HeightMap(RANDOM[:8], 1.0)
+
+    def test_moments_of_a_wave(self):
+        x, y = np.arange(32) / 32, np.arange(12) / 12
+        tip = cb.HeightMap(np.cos(2 * np.pi * x)[:, None] + 0.0 * y, (3.0, 0.5))
+        assert tip.rms_slope == pytest.approx(2 * np.pi / 3.0 / math.sqrt(2.0), rel=1e-12)
+        tip = cb.HeightMap(0.0 * x[:, None] + np.cos(4 * np.pi * y), (3.0, 0.5))
+        assert tip.rms_slope == pytest.approx(8 * np.pi / math.sqrt(2.0), rel=1e-12)
+        np.testing.assert_allclose(tip.surface(0.1, 0.125), 0.0, atol=1e-13)
+
+    def test_description(self):
+        contact = cb.Contact(cb.HeightMap(RANDOM[:8], (1.0, 2.0)))
+        plain = json.loads(json.dumps(contact.describe()))
+        plain["tip"]["heights"] = contact.tip.heights.tolist()
+        assert cb.Contact.from_description(plain) == contact
+
+
+class TestHoles:
+    smooth = 0.3 * NODES[:, None] + NODES
+
+    def test_a_plane_is_filled_exactly(self):
+        given = self.smooth.copy()
+        given[4:7, 5:8] = given[10, 2] = math.nan
+        np.testing.assert_allclose(cb.HeightMap(given, CELL, fill=True).heights, self.smooth, atol=1e-13)
+        masked = np.ma.masked_invalid(given)
+        np.testing.assert_allclose(cb.HeightMap(masked, CELL, fill=True).heights, self.smooth, atol=1e-13)
+
+    def test_corners_and_lines_take_the_nearest(self):
+        given = self.smooth.copy()
+        given[0, 0] = math.nan
+        filled = cb.HeightMap(given, CELL, fill=True).heights
+        assert filled[0, 0] in (filled[0, 1], filled[1, 0])
+        line = np.append(math.nan, NODES)[:, None]
+        assert cb.HeightMap(line, (CELL, 1.0), fill=True).heights[:2, 0].tolist() == [0.0, 0.0]
+
+    def test_without_any_height(self):
+        with pytest.raises(cb.InputError, match=r"^heights: 256 of 256 are not finite"):
+            cb.HeightMap(np.full((16, 16), math.nan), CELL, fill=True)
+
+
+class TestSpikes:
+    def test_dust_towards_the_wall(self):
+        rough = cb.HeightMap.self_affine(64, CELL, 0.8, rms_height=0.01, seed=1)
+        heights = rough.heights.copy()
+        heights[5, 6] -= 0.03
+        heights[40, 3] -= 0.05
+        heights[20, 20] += 0.05  # a pit
+        assert rough.spikes == []
+        assert cb.HeightMap(heights, CELL).spikes == [(40, 3), (5, 6)]
+
+    @pytest.mark.parametrize(
+        "heights",
+        [
+            np.random.default_rng(5).standard_normal((128, 128)),
+            np.kron(np.arange(16.0).reshape(4, 4) % 2, np.ones((8, 8))),
+            np.zeros((16, 16)),
+            sampled(egg_box),
+        ],
+        ids=["noise", "grating", "flat", "egg box"],
+    )
+    def test_surfaces_without(self, heights):
+        assert cb.HeightMap(heights, CELL).spikes == []
 
 
 def test_by_name():
@@ -476,6 +570,10 @@ class TestTreatment:
         np.testing.assert_allclose(
             windowed.heights[middle, middle] - windowed.heights[0, 0], cut[middle, middle] - cut.mean(), rtol=1e-12
         )
+
+    def test_line_scans_are_line_contacts(self):
+        tip = cb.HeightMap(topography(RANDOM[0], (CELL,)))
+        assert tip == cb.HeightMap(RANDOM[0][:, None], (CELL, 1.0), peaks=True)
 
     def test_units_of_topographies(self):
         given = topography(RANDOM, (CELL, CELL))

@@ -57,7 +57,7 @@ def test_as_a_tip():
     assert tip == again
     assert tip != cb.HeightMap.self_affine(32, CELL, 0.8, rms_slope=0.2, seed=2, radius=2.0)
     assert tip.heights.min() == 0.0
-    assert (tip.cell, tip.radius, tip.points) == (CELL, 2.0, 32)
+    assert (tip.cell, tip.radius, tip.points) == (CELL, 2.0, (32, 32))
     assert tip.rms_slope == pytest.approx(0.2, rel=1e-12)
 
 

@@ -63,6 +63,9 @@ _OPTIONS = {
     "--min-force": ("F", "Leave out smaller forces in contact; negative: in attraction."),
     "--law": ("NAME", "Another law than the contact's; jkr, dmt, or compare."),
     "--shape": ("ROWSxCOLUMNS", "Of a map whose curves lie row by row.  [default: as files or names say]"),
+    "--method": ("NAME", "curve or relaxation (of grids, by steps).  [default: curve]"),
+    "--steps": ("N", "Steps of relaxation up to the largest load.  [default: 60]"),
+    "--file": ("FILE.h5", "Where relaxation keeps its states, and goes on from."),
     "--max-load": ("F", "Largest load.  [default: beyond all events]"),
     "--time-limit": ("S", "Seconds after which what has been found is given.  [default: none]"),
     "--workers": ("N", "Traces at a time.  [default: one for each core]"),
@@ -175,7 +178,12 @@ def _solve(asked: Values) -> Any:
 def _loop(asked: Values) -> Any:
     """Follow the hysteresis loop: approach and retraction with all jumps and the energy they dissipate."""
     request = _request(asked)
-    return _computed("hysteresis", request, max_load=request.limit(asked.max_load))
+    own = {name: value for name in ("method", "steps", "file") if (value := getattr(asked, name)) is not None}
+    if "steps" in own:
+        from contbranch.cli.request import whole_number
+
+        own["steps"] = whole_number(own["steps"], "--steps")
+    return _computed("hysteresis", request, max_load=request.limit(asked.max_load), **own)
 
 
 def _follow(asked: Values) -> Any:
@@ -313,7 +321,7 @@ def _view(asked: Values) -> Result:
 COMMANDS = {
     "trace": Command(_trace, (*_SHARED, "--max-load", "--uncertainty", *_OUTPUTS, "--events-csv")),
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
-    "loop": Command(_loop, (*_SHARED, "--max-load", *_OUTPUTS)),
+    "loop": Command(_loop, (*_SHARED, "--max-load", "--method", "--steps", "--file", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
     "advise": Command(_advise, (*_SHARED[:5], "--json")),
     "sweep": Command(

@@ -67,7 +67,7 @@ _UNITS = {
     "energy_unit": "energy per area",
     "unit": "length",
 }
-_HEIGHT_MAP = ("file", "dataset", "cell", "unit", "peaks", "radius", "grey", "detrend", "window")
+_HEIGHT_MAP = ("file", "dataset", "cell", "unit", "peaks", "radius", "grey", "detrend", "window", "fill")
 _HEIGHT_MAP_KINDS = (
     ("file", str, '"heights.npy"'),
     ("dataset", str, '"heights"'),
@@ -75,6 +75,7 @@ _HEIGHT_MAP_KINDS = (
     ("grey", list, "[0.0, 12.0]"),
     ("detrend", str, '"plane"'),
     ("window", str, '"hann"'),
+    ("fill", bool, "true"),
 )
 
 
@@ -179,15 +180,16 @@ class _Reader:
     def _height_map(self, table: _Table) -> HeightMap:
         """Return the height map of the table [tip]."""
         refuse_unknown(table, _HEIGHT_MAP, "tip.")
-        for name in ("file", "cell"):
-            if name not in table:
-                raise InputError(f"tip.{name}: missing; a height map needs a file with its heights and its cell")
+        if "file" not in table:
+            raise InputError("tip.file: missing; a height map needs a file with its heights")
         for name, kind, example in _HEIGHT_MAP_KINDS:
             if name in table and not isinstance(table[name], kind):
                 raise InputError(f"tip.{name}: {table[name]!r}; write for example {name} = {example}")
         keywords: _Table = {**table}
         for name in keywords.keys() & {"cell", "radius"}:
-            keywords[name] = self.number(table[name], "length", f"tip.{name}")
+            pair = name == "cell" and isinstance(table[name], list) and len(table[name]) == 2
+            numbers = [self.number(one, "length", f"tip.{name}") for one in (table[name] if pair else [table[name]])]
+            keywords[name] = tuple(numbers) if pair else numbers[0]
         file = keywords.pop("file")
         if "unit" in table:
             keywords["unit"] = self._unit(table, "tip", "file", "unit")

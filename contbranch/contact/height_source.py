@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.contact.units import Quantity, finite_number, parse, positive_number
-from contbranch.errors import InputError, look_up
+from contbranch.errors import InputError, look_up, number_of
 
 LEAST_POINTS = 8
 HIGHEST = 1e100  # beyond, squares and products of heights cannot be computed with
@@ -22,6 +23,9 @@ _AGREE = 1e-9  # relative; edges that differ by no more are the same
 _TRENDS = {"plane": 1, "paraboloid": 2}
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif", ".jpg", ".jpeg")
 _KINDS = "a .npy, HDF5 or text file with real numbers, or a grey image"
+_SURFACES = "pip install 'contbranch[surfaces]' for instruments' files"
+# Nodes around a gap in the heights from which it is filled in.
+_MARGIN = 2
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,8 @@ class Source:
         ``"plane"`` or ``"paraboloid"``: what is subtracted from the heights, by least squares.
     window
         A window of `scipy.signal.get_window` along both axes, which makes the heights periodic.
+    fill
+        Whether heights that are missing are interpolated between their neighbours.
     """
 
     file: str | None = None
@@ -53,6 +59,7 @@ class Source:
     grey: tuple[float, float] | None = None
     detrend: str | None = None
     window: str | None = None
+    fill: bool = False
 
     def __post_init__(self) -> None:
         if self.detrend is not None:
@@ -64,23 +71,22 @@ class Source:
             low, high = (finite_number(value, "grey") for value in given)
             object.__setattr__(self, "grey", (low, high))
 
-    def read(self, given: Any, cell: object) -> tuple[Source, Array, float | None, bool]:
-        """What was done, heights z ≥ 0 above the point that touches first, (N, N), the edge of the cell, and whether a
+    def read(self, given: Any, cell: object) -> tuple[Source, Array, tuple[float, float], bool]:
+        """What was done, heights z ≥ 0 above the point that touches first, (N, M), the edges of the cell, and whether a
         unit was named, so that lengths are in nm.
 
         Raises
         ------
         InputError
-            If what is given has no heights on a square; the message names the field.
+            If what is given has no heights on a rectangle; the message names the field.
         """
-        for name in ("peaks", "dataset", "window"):
-            value, kind = getattr(self, name), bool if name == "peaks" else str
+        for name in ("peaks", "fill", "dataset", "window"):
+            value, kind = getattr(self, name), bool if name in ("peaks", "fill") else str
             if not (value is None or isinstance(value, kind)):
                 raise InputError(f"{name}: {value!r}; must be {'True or False' if kind is bool else 'a text'}")
-        edge = None if cell is None else positive_number(parse(cell, "length", "cell"), "cell")
-        topography = is_topography(given)
-        done = replace(self, peaks=topography if self.peaks is None else self.peaks)
-        values, own = given, getattr(given, "unit", None) if topography else None
+        lengths = list(cell) if isinstance(cell, list | tuple) else [] if cell is None else [cell]
+        edges = tuple(positive_number(parse(length, "length", "cell"), "cell") for length in lengths)
+        values, own, done = given, None, self
         if isinstance(given, str | Path):
             values, dataset, own = _read_file(Path(given), self)
             done = replace(done, file=os.path.abspath(given), dataset=dataset)
@@ -88,11 +94,15 @@ class Source:
             raise InputError(f"dataset: {self.dataset!r}; only a file has data sets: leave it out")
         elif self.grey is not None:
             raise InputError(f"grey: {self.grey}; only an image file has shades: leave it out")
+        topography = is_topography(values)
+        done = replace(done, peaks=topography if self.peaks is None else self.peaks)
+        own = getattr(values, "unit", None) if topography else own
         whose = "; it is the one that the heights came with: give what it is worth as unit="
         unit = _unit(own, whose) if self.unit is None else _unit(self.unit)
         if topography:
-            values, edge = read_topography(given, unit, edge)
-        heights = checked(values)
+            values, edges = read_topography(values, unit, edges)
+        heights = checked(values, self.fill)
+        edges = _edges_of(heights.shape, edges)
         if done.peaks:
             heights = -heights
         if self.detrend is not None:
@@ -104,8 +114,26 @@ class Source:
             heights *= unit
         if not (largest := float(heights.max())) < HIGHEST:
             raise InputError(f"heights: up to {largest:g}; must be below {HIGHEST:g}: give them in another unit")
-        named = any(isinstance(value, str) for value in (cell, own if self.unit is None else self.unit))
-        return replace(done, unit=unit), heights, edge, named
+        named = any(isinstance(value, str) for value in (*lengths, own if self.unit is None else self.unit))
+        return replace(done, unit=unit), heights, edges, named
+
+
+def _edges_of(shape: tuple[int, ...], edges: tuple[float, ...]) -> tuple[float, float]:
+    """The two edges of a cell; one number is that of a square.
+
+    Raises
+    ------
+    InputError
+        Without edges, or with one for a map that is no square.
+    """
+    rows, columns = shape
+    if len(edges) == 2:
+        return edges[0], edges[1]
+    if len(edges) == 1 and rows == columns:
+        return edges[0], edges[0]
+    wanted = "the edge of the cell, a length above zero" if rows == columns else "both edges of the cell, (Lx, Ly)"
+    said = "missing" if not edges else f"{number_of(len(edges), 'length', 'lengths')} for {rows} x {columns} heights"
+    raise InputError(f"cell: {said}; give {wanted}")
 
 
 def _unit(unit: object, whose: str = "") -> float:
@@ -122,8 +150,7 @@ def _unit(unit: object, whose: str = "") -> float:
 
 def _detrended(heights: Array, degree: int) -> Array:
     """Heights less the polynomial of a degree in x and y that fits them best."""
-    place = np.linspace(-1.0, 1.0, len(heights))
-    x, y = np.meshgrid(place, place, indexing="ij")
+    x, y = np.meshgrid(*(np.linspace(-1.0, 1.0, nodes) for nodes in heights.shape), indexing="ij")
     terms = [x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)]
     matrix = np.array(terms).reshape(len(terms), -1).T
     return heights - (matrix @ np.linalg.lstsq(matrix, heights.ravel(), rcond=None)[0]).reshape(heights.shape)
@@ -134,43 +161,66 @@ def _windowed(heights: Array, window: str) -> Array:
     from scipy.signal import get_window  # slow to import, and seldom needed
 
     try:
-        shape = np.asarray(get_window(window, len(heights)))
+        rows, columns = (get_window(window, nodes) if nodes > 1 else np.ones(1) for nodes in heights.shape)
     except (ValueError, TypeError) as error:
         raise InputError(
             f"window: {window!r}; must be a window of scipy.signal, for example 'hann' ({error})"
         ) from None
     mean = heights.mean()
-    windowed: Array = mean + shape[:, None] * shape * (heights - mean)
+    windowed: Array = mean + np.outer(rows, columns) * (heights - mean)
     return windowed
 
 
-def checked(values: object) -> Array:
-    """Return heights as a (N, N) array of finite floats, N ≥ 8, a copy.
+def checked(values: object, fill: bool = False) -> Array:
+    """Return heights as a (N, M) array of finite floats, the larger of N and M at least 8, a copy.
+
+    Parameters
+    ----------
+    fill
+        Whether to interpolate those that are not finite.
 
     Raises
     ------
     InputError
-        If they are no real numbers, not a square array, or not finite: how many are not, and where the first one is.
+        If they are no real numbers, of another shape, or not finite: how many are not, and where the first one is.
     """
     holes = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
     array = np.asarray(values)
     if array.dtype.kind not in "iuf":
         raise InputError(f"heights: dtype {array.dtype}; must be an array of real numbers")
-    if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] < LEAST_POINTS:
+    if array.ndim != 2 or max(array.shape) < LEAST_POINTS or not array.size:
         raise InputError(
-            f"heights: shape {array.shape}; must be (N, N) with N at least {LEAST_POINTS}: as many rows as columns"
+            f"heights: shape {array.shape}; must be (N, M), at least {LEAST_POINTS} along the longer side; (N, 1) for "
+            "a line contact"
         )
     copied = np.array(array, dtype=float, order="C")
     if holes is not None:
         copied[holes] = np.nan
     bad = np.argwhere(~np.isfinite(copied))
-    if bad.size:
+    if fill and 0 < len(bad) < copied.size:
+        _fill(copied)
+    elif bad.size:
         i, j = (int(k) for k in bad[0])
         raise InputError(
             f"heights: {len(bad)} of {copied.size} are not finite, the first is {copied[i, j]} at [{i}, {j}]; "
-            "fill them in, for example from their neighbours"
+            "fill=True interpolates between their neighbours"
         )
     return copied
+
+
+def _fill(heights: Array) -> None:
+    """Replace heights that are not finite, linearly between the nodes around them, or by the nearest one."""
+    from scipy.interpolate import griddata  # slow to import, and seldom needed
+    from scipy.ndimage import binary_dilation
+
+    missing = ~np.isfinite(heights)
+    around = binary_dilation(missing, np.ones((3, 3), dtype=bool), _MARGIN) & ~missing
+    places, known = np.argwhere(missing), (np.argwhere(around), heights[around])
+    flat = min(heights.shape) == 1 or min(np.ptp(known[0], axis=0)) == 0
+    found = np.full(len(places), np.nan) if flat else griddata(*known, places, "linear")
+    outside = np.isnan(found)
+    found[outside] = griddata(*known, places[outside], "nearest")
+    heights[missing] = found
 
 
 def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
@@ -200,12 +250,33 @@ def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
         with path.open("rb") as file:
             if path.suffix.lower() == ".npy" or file.read(6) == b"\x93NUMPY":
                 return np.load(path, allow_pickle=False), None, None
-        values, unit = _read_text(path)
+        try:
+            values, unit = _read_text(path)
+        except ValueError:
+            found = _read_surface(path)
+            if found is None:
+                raise
+            return found, None, None
         return values, None, unit
     except InputError:
         raise
     except (OSError, ValueError, EOFError):
-        raise InputError(f"file: '{path}' cannot be read; must be {_KINDS}") from None
+        raise InputError(f"file: '{path}' cannot be read; must be {_KINDS}; {_SURFACES}") from None
+
+
+def _read_surface(path: Path) -> Any:
+    """The first topography of a file by SurfaceTopography; None if that is not installed, or does not read it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            from SurfaceTopography import open_topography  # heavy, and only for instruments' files
+            from SurfaceTopography.Exceptions import CannotDetectFileFormat
+        except ImportError:
+            return None
+        try:
+            return open_topography(str(path)).topography()
+        except (CannotDetectFileFormat, OSError, ValueError):
+            return None
 
 
 def _read_text(path: Path) -> tuple[Array, str | None]:
@@ -278,22 +349,30 @@ def is_topography(value: object) -> bool:
     return callable(getattr(value, "heights", None)) and hasattr(value, "physical_sizes")
 
 
-def read_topography(topography: Any, unit: float, cell: float | None) -> tuple[object, float]:
-    """Return heights and edge of a topography object, its heights in its own unit of length, the edge times `unit`.
+def read_topography(topography: Any, unit: float, cell: tuple[float, ...]) -> tuple[object, tuple[float, ...]]:
+    """Return heights and edges of a topography object, its heights in its own unit of length, the edges times `unit`.
+
+    A line scan is a line contact of unit width.
 
     Raises
     ------
     InputError
-        If it is not a square map, or its edge is not the `cell` given.
+        If its edges are not those of the `cell` given, or its nodes not at equal distances.
     """
     sizes = tuple(topography.physical_sizes or ())
-    if len(sizes) != 2 or abs(sizes[0] - sizes[1]) > _AGREE * abs(sizes[0]):
-        raise InputError(f"heights: a topography with the edges {sizes}; must be a square map")
-    edge = positive_number(sizes[0], "cell") * unit
-    if cell is not None and abs(positive_number(cell, "cell") - edge) > _AGREE * edge:
-        raise InputError(f"cell: {cell:g}, but the topography has the edge {edge:g}; leave cell out")
-    values = topography.heights()
+    values = np.ma.asanyarray(topography.heights())
     points = getattr(topography, "nb_grid_pts", None)
-    if points is not None and tuple(points) != np.shape(values):
-        raise InputError(f"heights: shape {np.shape(values)} of a topography with the grid {tuple(points)}; must agree")
-    return values, edge
+    if len(sizes) != values.ndim or (points is not None and tuple(points) != values.shape):
+        raise InputError(
+            f"heights: shape {values.shape} of a topography with the grid {points} and the edges {sizes}; must agree"
+        )
+    if getattr(topography, "is_uniform", True) is False:
+        raise InputError("heights: a topography with nodes at unequal distances; make it uniform first")
+    edges = tuple(positive_number(size, "cell") * unit for size in sizes)
+    if values.ndim == 1:
+        values, edges = values[:, None], (*edges, cell[1] if len(cell) == 2 else 1.0)
+    given = cell * (2 if len(cell) == 1 else 1)
+    if any(abs(one - edge) > _AGREE * edge for one, edge in zip(given, edges, strict=False)):
+        own = " x ".join(f"{edge:g}" for edge in edges)
+        raise InputError(f"cell: {given[0]:g}, but the topography has the edges {own}; leave cell out")
+    return values, edges

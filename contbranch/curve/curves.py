@@ -8,6 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
@@ -29,6 +30,7 @@ from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.errors import InputError, ModelError
 from contbranch.results.diagram import Cost, State
+from contbranch.results.loop import Hysteresis
 from contbranch.results.record import OBSERVABLES
 from contbranch.watch import over
 
@@ -234,6 +236,16 @@ class FollowedCurves:
             searched = "the search off the curve " + ("was not finished" if over() else "found no other")
         found = _coexisting(track, request, field, inside)
         return replace(found, complete=curve.complete, message=curve.message, window=window, searched=searched)
+
+    def cycle(self, request: Request, control: Control, steps: int, file: Path | None) -> Hysteresis:
+        """A quasi-static cycle by relaxation alone, of grids.
+
+        Raises
+        ------
+        InputError
+            For other models.
+        """
+        raise InputError("method: 'relaxation' is for grids; give model='periodic' or 'free', or method='curve'")
 
     def path(self, request: Request) -> Route:
         """The quasi-static path under a control."""

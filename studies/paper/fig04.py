@@ -68,7 +68,7 @@ def far_field(problem: GridProblem, equilibrium: Equilibrium) -> FarField:
 
     At the points X and M the spread of the pressure adds Q/(4π E L³) times the sums of 1/R³ about them.
     """
-    lattice, half = problem.lattice, 0.5 * problem.lattice.edge
+    lattice, half = problem.lattice, 0.5 * problem.lattice.edges[0]
     at = partial(interpolate, lattice, equilibrium.u)
     corner, edge = -at(half, half), -0.5 * (at(half, 0.0) + at(0.0, half))
     error = far_field_error(problem, equilibrium)
@@ -111,11 +111,11 @@ def far_displacement(edge: float, grid: int = 512) -> FarDisplacement:
     height = partial(interpolate, lattice, -state.u)
     return FarDisplacement(
         edge,
-        np.sqrt(2.0) * lattice.axis,
+        np.sqrt(2.0) * lattice.axes[0],
         -np.diagonal(state.u),
         far_field(problem, state),
         contact_area(problem, state).radius,
-        peak(np.hypot(lattice.axis, 0.5 * lattice.spacing), -state.u[:, 0], height(0.0, 0.0)),
+        peak(np.hypot(lattice.axes[0], 0.5 * lattice.spacing), -state.u[:, 0], height(0.0, 0.0)),
     )
 
 

@@ -20,8 +20,8 @@ def traced(contact: cb.Contact, accuracy: float = 1e-7) -> Followed:
 
 def grid_problem(contact: cb.Contact, kind: str, edge: float, grid: int, quarter: bool = True) -> GridProblem:
     reduced = contact.to_reduced()
-    lattice = Lattice(kind, edge, grid, quarter)
-    x = lattice.axis[: lattice.inside]
+    lattice = Lattice(kind, (edge, edge), (grid, grid), quarter)
+    x = lattice.axes[0][: lattice.inside[0]]
     heights = np.asarray(reduced.tip.height(np.hypot(x[:, None], x)))
     return GridProblem(lattice, lattice.fill(heights), reduced.interaction)
 
@@ -67,7 +67,7 @@ class Row:
         """
         lattice = problem.lattice
         equations, fields = self.traced.problem(self.row).equations, self.fields
-        r = np.hypot(lattice.axis[:, None], lattice.axis)
+        r = np.hypot(lattice.axes[0][:, None], lattice.axes[0])
         known = np.hypot(fields.rim.radius, equations.mesh.nodes)
         profile = fields.gap - np.asarray(self.contact.to_reduced().tip.height(known))
         far = self.load / (np.pi * r) - float(self.traced.curve.branch.displacement[self.row])

@@ -14,8 +14,8 @@ from contbranch.models.grid.problem import GridProblem
 
 def paraboloid(kind, edge, grid, law=None, *, quarter=True, curvatures=(1.0, 1.0), centre=(0.0, 0.0)) -> GridProblem:
     """A problem with the tip (k₁x² + k₂y²)/2, its apex anywhere in a periodic cell."""
-    lattice = Lattice(kind, edge, grid, quarter)
-    axis = lattice.axis[: lattice.inside]
+    lattice = Lattice(kind, (edge, edge), (grid, grid), quarter)
+    axis = lattice.axes[0][: lattice.inside[0]]
     x, y = ((axis - c + 0.5 * edge) % edge - 0.5 * edge for c in centre)
     heights = 0.5 * (curvatures[0] * x[:, None] ** 2 + curvatures[1] * y[None, :] ** 2)
     return GridProblem(lattice, lattice.fill(heights), law)
@@ -35,7 +35,7 @@ def solved(problem: GridProblem, load: float, start=None, tolerance: float = 1e-
 
 def axisymmetric_start(problem: GridProblem, state) -> np.ndarray:
     """u = g - z of an axisymmetric state, and that of a point force beyond its mesh."""
-    axis = problem.lattice.axis
+    axis = problem.lattice.axes[0]
     r = np.hypot(axis[:, None], axis[None, :])
     u = np.interp(r, state.r, state.gap - 0.5 * state.r**2)
     far = r > state.r[-1]

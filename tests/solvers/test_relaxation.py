@@ -17,8 +17,8 @@ METHODS = [Motion, Fire]
 
 
 def parabola(kind, edge, grid, law, quarter=True):
-    lattice = Lattice(kind, edge, grid, quarter)
-    x = lattice.axis[: lattice.inside]
+    lattice = Lattice(kind, (edge, edge), (grid, grid), quarter)
+    x = lattice.axes[0][: lattice.inside[0]]
     return GridProblem(lattice, lattice.fill(0.5 * (x[:, None] ** 2 + x[None, :] ** 2)), law)
 
 

@@ -54,7 +54,7 @@ class Influence:
     """
 
     lattice: Lattice
-    _reach: int = 0
+    _reach: tuple[int, int] = (0, 0)
     _tables: dict[tuple[int, int], Array] = field(default_factory=dict)
 
     def _table(self, rows: int, columns: int) -> Array:
@@ -70,18 +70,23 @@ class Influence:
                 part, step, share = self._table(rows, columns // 2), 1, 1.0
             else:
                 part, step, share = self._response(), 0, 0.5
-            for axis in (0, 1):
+            for axis in self._wide:
                 part = share * (part + np.roll(part, step, axis))
             self._tables[rows, columns] = part[::2, ::2].copy() if rows == columns > 1 else part
         return self._tables[rows, columns]
 
     def _response(self) -> Array:
         """Displacement by unit pressure on one node, as far as is needed."""
-        m = self.lattice.whole().size
-        offsets = np.arange(self._width) - self._reach
-        response = np.fft.irfft2(1.0 / self.lattice.whole().held_symbol, s=(m, m))
-        near = response.take(offsets, 0, mode="wrap").take(offsets, 1, mode="wrap")
-        return near.astype(self._digits)
+        whole = self.lattice.whole()
+        response = np.fft.irfft2(1.0 / whole.held_symbol, s=whole.shape)
+        for axis in (0, 1):
+            response = response.take(np.arange(self._widths[axis]) - self._reach[axis], axis, mode="wrap")
+        return response.astype(self._digits)
+
+    @property
+    def _wide(self) -> list[int]:
+        """Axes along which there are several nodes."""
+        return [axis for axis in (0, 1) if self.lattice.nodes[axis] > 1]
 
     @property
     def _digits(self) -> type:
@@ -89,19 +94,21 @@ class Influence:
         return np.float32 if self.lattice.quarter else np.float64
 
     @property
-    def _width(self) -> int:
+    def _widths(self) -> tuple[int, int]:
         """Number of offsets of squares from squares and, where there are any, from their mirror images."""
-        return (3 if self.lattice.quarter else 2) * self._reach
+        images = 3 if self.lattice.quarter else 2
+        return images * self._reach[0], images * self._reach[1]
 
     def matrix(self, squares: Squares) -> Array:
         """Mean displacements of all squares (rows) for unit pressures on each (columns)."""
         sizes, x, y, _ = squares
         largest = int(sizes.max(initial=1))
         # Tables of large squares are wrong at their borders, by the sizes of both.
-        m, reach = sizes.size, int(max(x.max(initial=0), y.max(initial=0)) + 3 * largest)
-        if reach > self._reach or self._reach % largest:
-            unit = max(SLACK, largest)
-            self._reach = -(-reach // unit) * unit
+        m, unit = sizes.size, max(SLACK, largest)
+        wanted = [int(places.max(initial=0)) + 3 * largest for places in (x, y)]
+        if any(reach > old or old % largest for reach, old in zip(wanted, self._reach, strict=True)):
+            rows, columns = (-(-max(reach, old) // unit) * unit for reach, old in zip(wanted, self._reach, strict=True))
+            self._reach = rows, columns
             self._tables.clear()
         sources = [(x, y)]
         if self.lattice.quarter:
@@ -111,13 +118,13 @@ class Influence:
         groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
         for k, b in enumerate(groups):
             size = int(sizes[b.start])
-            width = self._width // size
+            width = self._widths[1] // size
             places = [(width * own[b] + other[b]) // size for own, other in sources]
             for a in groups[: k + 1]:
                 table = self._table(int(sizes[a.start]), size)
-                rows = (width * (x[a] + self._reach) + y[a] + self._reach) // size
-                found[a, b] = sum(table.take(rows[:, None] - source) for source in places)
-                ratio = (sizes[a.start] / size) ** 2
+                lines = (width * (x[a] + self._reach[0]) + y[a] + self._reach[1]) // size
+                found[a, b] = sum(table.take(lines[:, None] - source) for source in places)
+                ratio = (sizes[a.start] / size) ** len(self._wide)
                 np.multiply(found[a, b].T, ratio, out=found[b, a])
         return found
 
@@ -128,22 +135,22 @@ def gathered(lattice: Lattice, contact: Flags, stiffness: Array, zone: Flags) ->
     Parameters
     ----------
     lattice : Lattice
-    contact, stiffness, zone : array (n, n)
+    contact, stiffness, zone : array of the lattice's shape
         Stiffness is 0 in contact. The nodes' squares are in the order of the zone's nodes.
     """
-    largest = max(LARGEST, 1 << max(0, (lattice.grid // PARTS).bit_length() - 1))
+    largest = max(LARGEST, 1 << max(0, (max(lattice.nodes) // PARTS).bit_length() - 1))
     # The nodes beyond the zone, on its far sides, do not matter.
-    used = max((int(np.flatnonzero(zone.any(axis)).max(initial=0)) for axis in (0, 1)), default=0) + 1
-    n = -(-used // largest) * largest
-    missing = max(0, n - len(zone))
-    contact, zone = (np.pad(a[:n, :n], (0, missing)) for a in (contact, zone))
-    softness = np.pad(lattice.spacing * np.abs(stiffness[:n, :n]), (0, missing))
+    ends = [int(np.flatnonzero(zone.any(axis)).max(initial=0)) + 1 for axis in (1, 0)]
+    used = np.s_[: ends[0], : ends[1]]
+    missing = [(0, -end % largest) for end in ends]
+    contact, zone = np.pad(contact[used], missing, "edge"), np.pad(zone[used], missing)
+    softness = np.pad(lattice.spacing * np.abs(stiffness[used]), missing)
     rim = np.zeros_like(zone)
     for first, last in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         changes = contact[first] != contact[last]
         rim[first] |= changes
         rim[last] |= changes
-    far = np.full((n, n), n)
+    far: Integers = np.full(zone.shape, max(zone.shape))
     if rim.any():
         far[:] = scipy.ndimage.distance_transform_cdt(~rim, metric="chessboard")
     # Of the squares of every size: whether they hold nodes of the zone, how far the rim is, and the largest h |v''|.
@@ -151,7 +158,7 @@ def gathered(lattice: Lattice, contact: Flags, stiffness: Array, zone: Flags) ->
     while 1 << (len(levels) - 1) < largest:
         some, least, stiffest = (values.reshape(len(values) // 2, 2, -1, 2) for values in levels[-1])
         levels.append((np.logical_or.reduce(some, (1, 3)), least.min((1, 3)), stiffest.max((1, 3))))
-    most = min(MOST, PER_SIDE * (lattice.size if lattice.quarter else lattice.size // 2))
+    most = min(MOST, PER_SIDE * max(lattice.shape) // (1 if lattice.quarter else 2))
     smallest, near, resolved = 0, NEAR, RESOLVED
     while True:
         squares = _squares(levels, smallest, near, resolved)

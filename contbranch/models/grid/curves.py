@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from contbranch.contact.height_map import HeightMap
+from contbranch.control import Control
 from contbranch.curve.curves import Coexisting, FollowedCurves
 from contbranch.curve.outcome import RawCurve
 from contbranch.curve.problem import EquilibriumProblem
@@ -13,12 +15,13 @@ from contbranch.curve.rows import raw_curve
 from contbranch.curve.trace import Request, trace
 from contbranch.curve.track import Track
 from contbranch.results.diagram import State
+from contbranch.results.loop import Hysteresis
 
 from .equilibria import LatticeProblem
 from .measure import quietly
 from .model import FreeSpace, Periodic
 from .ramp import jump_message, ramp_message
-from .resolution import Resolution, border_energy, repetition, warn
+from .resolution import Resolution, border_energy, map_message, warn
 from .setup import Setup
 from .size import announce, border_message, chosen_size
 from .solve import solve_all
@@ -63,6 +66,17 @@ class LatticeCurves(FollowedCurves):
         with quietly():
             return raw_curve(track, request)
 
+    def cycle(self, request: Request, control: Control, steps: int, file: Path | None) -> Hysteresis:
+        """A quasi-static cycle by relaxation alone, under a control in the contact's units."""
+        from .cycle import cycle
+
+        setup = self.setup(request)
+        notes = [map_message(setup), Resolution.of(setup).message]
+        for note in notes:
+            warn(note)
+        found = cycle(setup, self.contact, control, request.target or 0.0, steps, file)
+        return replace(found, message=" ".join(filter(None, [found.message, *notes])))
+
     def solve(self, request: Request, field: str, value: float, near: State | None = None) -> Coexisting:
         """Equilibria with a load or displacement, one for every start that leads to one.
 
@@ -73,13 +87,15 @@ class LatticeCurves(FollowedCurves):
     def find_all(self, request: Request, field: str, value: float, window: tuple[float, float] | None) -> Coexisting:
         """The equilibria on the curve with a value, in a window of displacements; others are not looked for."""
         setup, contact, model = self.setup(request, field, value), self.reduced, self.model
-        edge, grid = setup.edge, setup.grid
-        if model.cell is None and not isinstance(contact.tip, HeightMap):
-            # The curve goes on to the events, which may take more room than the value does.
-            room, _ = chosen_size(contact, model.name, (None, grid), (None, None), request.accuracy)
-            if room > edge:
-                edge, grid = chosen_size(contact, model.name, (room, model.grid), (field, value), request.accuracy)
-        sized = replace(model, cell=edge * self.contact.scales.in_plane, grid=grid)
+        sized = model
+        if not isinstance(contact.tip, HeightMap):
+            edge, grid = setup.edge, setup.grid
+            if model.cell is None:
+                # The curve goes on to the events, which may take more room than the value does.
+                room, _ = chosen_size(contact, model.name, (None, grid), (None, None), request.accuracy)
+                if room > edge:
+                    edge, grid = chosen_size(contact, model.name, (room, model.grid), (field, value), request.accuracy)
+            sized = replace(model, cell=edge * self.contact.scales.in_plane, grid=grid)
         if field == "load":
             request = replace(request, target=max(value, 0.0) * 1.1 + 1.0)
         found = super(LatticeCurves, replace(self, model=sized)).find_all(request, field, value, window)
@@ -98,7 +114,7 @@ def _problem(setup: Setup, request: Request) -> LatticeProblem:
 def traced(setup: Setup, request: Request) -> Track:
     """The curve on a lattice, with what is to be said of that."""
     announce(setup.grid)
-    notes = [Resolution.of(setup).message, repetition(setup), jump_message(setup.law)]
+    notes = [Resolution.of(setup).message, map_message(setup), jump_message(setup.law)]
     for note in notes:
         warn(note)
     with quietly():
@@ -114,7 +130,8 @@ def no_comparison(setup: Setup) -> str:
     if setup.coarse is not None:
         return ""
     fitting = 2 * setup.grid if setup.crowded else max(16, 4 * math.ceil(setup.grid / 4))
-    return f"Errors of points are not known on a grid of {setup.grid}: use one divisible by 4, such as {fitting}."
+    by = 2 if setup.crowded else 4
+    return f"Errors of points are not known on a grid of {setup.grid}: use one divisible by {by}, such as {fitting}."
 
 
 def _reaching(setup: Setup, track: Track, target: float | None) -> str:

@@ -48,7 +48,7 @@ from .observables import cell_fields, interpolate, mean_gap, profile
 from .ramp import has_ramps
 from .readings import Reading, clearance, read
 from .resolution import HOPELESS, Resolution, fills, tail_energy
-from .setup import Setup, coarsened, refined
+from .setup import Setup, coarsened, doubled, refined
 from .stability import Stability
 
 __all__ = ["LatticeProblem"]
@@ -131,7 +131,7 @@ class LatticeProblem(OnNodes):
     @property
     def size(self) -> int:
         """Nodes."""
-        return self.setup.lattice.size**2
+        return self.setup.lattice.size
 
     @property
     def states_between(self) -> bool:
@@ -241,7 +241,7 @@ class LatticeProblem(OnNodes):
         if law is None:
             lacking = "(There is no interaction with which the contact could begin; use the axisymmetric model.)"
             raise CorrectionError(Outcome.START_FAILED, lacking)
-        inside = nodes.heights[: setup.lattice.inside, : setup.lattice.inside]
+        inside = nodes.heights[setup.lattice.cell]
         most = max(10.0 * self.scale, FURTHEST * float(inside[np.isfinite(inside)].max()))
         displacement = -min(law.reach(self.tolerance), most)
         step = 0.05 * max(self.scale, 0.2 * abs(displacement))
@@ -330,7 +330,7 @@ class LatticeProblem(OnNodes):
             return None
         last, state = points[-1], self.at(points[-1])
         row, column = np.unravel_index(int(state.fields.gap.argmin()), self.nodes.shape)
-        axis, along = self.setup.lattice.axis, last.tangent_x.reshape(self.nodes.shape)
+        along = last.tangent_x.reshape(self.nodes.shape)
         towards = Direction.along(Measure.at(state, self.scale), along, last.tangent_parameter)
         with quietly():
             node = int(row), int(column)
@@ -339,7 +339,8 @@ class LatticeProblem(OnNodes):
             problem = LatticeProblem(self.setup, self.tolerance, True, points)
             if found is None or (not self.setup.crowded and self.resolution.ratio > HOPELESS):
                 return Succession(name, last, ())
-            if not self.setup.crowded and math.hypot(axis[row], axis[column]) < AT_APEX * self.setup.lattice.spacing:
+            lattice = self.setup.lattice
+            if not self.setup.crowded and lattice.distance[node] < AT_APEX * lattice.spacing:
                 average = averaged(problem, found, self.held, self.target)
                 if average is not None:
                     return Succession(name, last, (average.start(LOAD),), same=False)
@@ -453,14 +454,14 @@ class LatticeProblem(OnNodes):
 
     def carried(self, vector: Array, x: Array, p: float, other: Self) -> Array:
         """By trigonometric interpolation, or by means; where there is contact it stays."""
-        if other.setup.grid == self.setup.grid:
+        if other.setup.nodes == self.setup.nodes:
             return vector
         field, centred, finer = vector.reshape(self.nodes.shape), self.setup.centred, other.setup.grid > self.setup.grid
         moved = refined(field, self.setup.lattice, centred) if finer else coarsened(field, centred)
         if vector is x and self.wall:
             contact = self.nodes.heights + field <= 0.0
             stays = (
-                contact.repeat(2, 0).repeat(2, 1) if finer else coarsened(np.where(contact, 1.0, 0.0), centred) >= 0.5
+                doubled(contact, other.nodes.shape) if finer else coarsened(np.where(contact, 1.0, 0.0), centred) >= 0.5
             )
             moved = np.where(stays, -other.nodes.heights, moved)
         return np.ravel(moved)

@@ -53,6 +53,17 @@ ROUNDED = 1e-12
 FAINT, KICKS = 1e-6, 5
 
 
+def shortest_length(problem: GridProblem) -> float:
+    """The length over which the interaction changes; the cell's longer edge without one."""
+    law = problem.law
+    return max(problem.lattice.edges) if law is None else min(min(term.range for term in law.terms), 0.25 * law.wave)
+
+
+def extent(problem: GridProblem, gap: Array, change: Array) -> float:
+    """Largest change of a gap, relative to the interaction's range plus the gap."""
+    return float(np.max(np.abs(change) / (shortest_length(problem) + gap)))
+
+
 class _Place(NamedTuple):
     """A trial state out of the wall, the nodes that the wall holds, the force, its residual, and the energy."""
 
@@ -68,11 +79,11 @@ class _Relaxation:
 
     def __init__(self, problem: GridProblem, hold: Hold) -> None:
         self.problem, self.hold = problem, hold
-        law, lattice = problem.law, problem.lattice
-        self.range = lattice.edge if law is None else min(min(term.range for term in law.terms), 0.25 * law.wave)
+        lattice = problem.lattice
+        self.range = shortest_length(problem)
         self.base = hold.value / (hold.load_weight * lattice.area)
         # dF/d(mean u) of what is held
-        self.stiffness = 0.0 if hold.row is None else -float(hold.row) * lattice.size**2 / hold.load_weight
+        self.stiffness = 0.0 if hold.row is None else -float(hold.row) * lattice.size / hold.load_weight
 
     def place(self, u: Array) -> _Place:
         """Everything at a trial field, moved out of the wall."""
@@ -94,7 +105,7 @@ class _Relaxation:
         theta = max(THETA, soft)
         mean = theta * self.stiffness + (1.0 - theta) / lattice.compliance
         stiffness = np.where(fields.stiffness > 0.0, theta, soft) * fields.stiffness
-        border = Border(problem, mean / lattice.size**2, -1.0)
+        border = Border(problem, mean / lattice.size, -1.0)
         for _ in range(SETS):
             linear = Linear(problem, stiffness, held, border)
             right = np.where(held, -fields.gap, -theta * fields.excess)
@@ -111,7 +122,7 @@ class _Relaxation:
 
     def extent(self, place: _Place, change: Array) -> float:
         """Largest change of a gap, relative to the interaction's range plus the gap."""
-        return float(np.max(np.abs(change) / (self.range + place.fields.gap)))
+        return extent(self.problem, place.fields.gap, change)
 
     def leads_to(self, place: _Place, state: Equilibrium) -> bool:
         """Whether a state is near, and the energy falls on the straight line to it as it does towards a minimum.

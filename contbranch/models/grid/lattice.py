@@ -1,4 +1,4 @@
-"""The nodes of a square cell, and what elasticity is on them: periodic, or alone in free space.
+"""The nodes of a rectangular cell, and what elasticity is on them: periodic, or alone in free space.
 
 Both kinds are one: with u = w - d (displacement of the surface less that of the far field), the pressure is
 
@@ -6,20 +6,23 @@ Both kinds are one: with u = w - d (displacement of the surface less that of the
 
 where A is the area of the array that is transformed, and the displacement of the far field is d = C F - mean(u).
 
-- Periodic cell of edge L: K̂ = E|q|/2 (8)-(10), A = L². The mean displacement has no elastic energy. The cell's images
-  shift it against that of the far field of a single contact: C = 3.90026492/(π E L), the sum over the images of the
-  point force less its mean.
-- Free space: pressures in the cell act through 1/(π E r), in an array of twice the edge. The kernel ends with the
-  square |x|, |y| <= L, so that no node of the cell feels images. Its values on the nodes are those of the kernel that
-  ends at the radius D > √2 L, whose transform (2/E|q|) ∫_0^(|q|D) J0(t) dt is known (Vico, Greengard & Ferrando, J.
-  Comput. Phys. 323, 191 (2016)), in an array of edge 4L >= L + D. Their transform Ŝ on the array of edge 2L is
-  positive, within 10 % of 2/E|q|, so that K̂ = 1/Ŝ; Ŝ(0), up to the spacing 8 ln(1 + √2) L/(π E), gives C = Ŝ(0)/A.
+- Periodic cell: K̂ = E|q|/2 (8)-(10), A its area. The mean displacement has no elastic energy. The images of a square
+  cell of edge L shift it against that of the far field of a single contact: C = 3.90026492/(π E L), the sum over the
+  images of the point force less its mean. Another cell has the C of the square cell of its area. Of a line contact,
+  which is one node wide, d is the displacement against the surface at the distance L of a single line of force:
+  C = 2 ln(2π)/(π E L_y).
+- Free space: pressures in the cell act through 1/(π E r), in an array of twice the edges. The kernel ends with the
+  rectangle |x| <= L_x, |y| <= L_y, so that no node of the cell feels images. Its values on the nodes are those of the
+  kernel that ends at a radius D beyond the corners of that, whose transform (2/E|q|) ∫_0^(|q|D) J0(t) dt is known
+  (Vico, Greengard & Ferrando, J. Comput. Phys. 323, 191 (2016)), in an array with edges of at least L + D. Their
+  transform Ŝ on the array of twice the edges is positive, for a square within 10 % of 2/E|q|, so that K̂ = 1/Ŝ; Ŝ(0),
+  for a square up to the spacing 8 ln(1 + √2) L/(π E), gives C = Ŝ(0)/A.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Literal
 
@@ -28,7 +31,7 @@ import scipy
 
 from contbranch.arrays import Array
 
-from .transforms import Counter, Transform, orders, wavenumbers
+from .transforms import Counter, Transform, orders
 
 __all__ = ["IMAGE_SUM", "Kind", "Lattice"]
 
@@ -37,59 +40,84 @@ Kind = Literal["periodic", "free"]
 # Σ over the periodic images of a point force on a square lattice of edge 1, less the mean: minus the Madelung constant
 # of a square lattice of charges in a neutralising plane (Bonsall & Maradudin, Phys. Rev. B 15, 1959, 1977).
 IMAGE_SUM = 3.900264920001955
-# D over L: as far from √2, beyond which it does not end within the square, as from 3, where images would be felt.
-CUT = 0.5 * (math.sqrt(2.0) + 3.0)
+# D over the diagonal of the cell: beyond 1, so that the disc does not end within the rectangle.
+CUT = 1.5
 
 
 @lru_cache(maxsize=8)
-def _square_compliance(grid: int) -> Array:
-    """Ŝ/L of the kernel that ends with the square, at q = π/L times whole numbers from 0 to N, (N + 1, N + 1)."""
-    numbers = np.arange(2 * grid + 1.0)
-    q = 0.5 * np.pi * np.hypot(numbers[:, None], numbers[None, :])
+def _free_compliance(edges: tuple[float, float], shape: tuple[int, int]) -> Array:
+    """Ŝ of the kernel that ends with the rectangle, at q = π/L times whole numbers from 0 to N, (N + 1, M + 1)."""
+    reach = CUT * math.hypot(*edges)
+    spacings = [edge / nodes for edge, nodes in zip(edges, shape, strict=True)]
+    halves = [math.ceil(0.5 * (edge + reach) / step) for edge, step in zip(edges, spacings, strict=True)]
+    waves = [np.pi / (half * step) * np.arange(half + 1.0) for half, step in zip(halves, spacings, strict=True)]
+    q = np.hypot(waves[0][:, None], waves[1])
     q[0, 0] = 1.0
-    disc = 2.0 / q * scipy.special.itj0y0((CUT * q).ravel())[0].reshape(q.shape)
-    disc[0, 0] = 2.0 * CUT
-    kernel = scipy.fft.dctn(disc, type=1)[: grid + 1, : grid + 1] / (4.0 * grid) ** 2
+    disc = 2.0 / q * scipy.special.itj0y0((reach * q).ravel())[0].reshape(q.shape)
+    disc[0, 0] = 2.0 * reach
+    kernel = scipy.fft.dctn(disc, type=1)[: shape[0] + 1, : shape[1] + 1] / (4.0 * math.prod(halves))
     return np.asarray(scipy.fft.dctn(kernel, type=1))
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """A square lattice of N × N nodes in a cell of edge L (reduced units, E = 1).
+    """A rectangular lattice of N × M nodes in a cell with the edges L_x and L_y (reduced units, E = 1).
 
-    The nodes lie at (i + 1/2) L/N from the cell's border, so that none lies on a mirror line.
+    The nodes lie at (i + 1/2) L/N from the cell's border, so that none lies on a mirror line. A cell one node wide is a
+    line contact, the same everywhere along that edge.
 
     Attributes
     ----------
     kind : {"periodic", "free"}
-    edge : float
-        L.
-    grid : int
-        N, even.
+    edges : (float, float)
+        L_x and L_y.
+    nodes : (int, int)
+        N and M; even where `quarter`.
     quarter : bool
         Whether fields are symmetric about both middle lines, and only the quarter with x, y > 0 is kept.
     """
 
     kind: Kind
-    edge: float
-    grid: int
+    edges: tuple[float, float]
+    nodes: tuple[int, int]
     quarter: bool = True
 
     @property
+    def spacings(self) -> tuple[float, float]:
+        """Distances of neighbouring nodes along x and along y."""
+        return self.edges[0] / self.nodes[0], self.edges[1] / self.nodes[1]
+
+    @property
     def spacing(self) -> float:
-        """Distance of neighbouring nodes."""
-        return self.edge / self.grid
+        """The longer of them; that along a line contact."""
+        return max(step for step, nodes in zip(self.spacings, self.nodes, strict=True) if nodes > 1)
+
+    @property
+    def line(self) -> bool:
+        """Whether the cell is one node wide."""
+        return min(self.nodes) == 1
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of the array of a field, padding included."""
+        rows, columns = self.inside
+        return (2 * rows, 2 * columns) if self.kind == "free" else (rows, columns)
+
+    @property
+    def inside(self) -> tuple[int, int]:
+        """How many of its rows and columns belong to the cell; the others are padding."""
+        rows, columns = self.nodes
+        return (rows // 2, columns // 2) if self.quarter else (rows, columns)
+
+    @property
+    def cell(self) -> tuple[slice, slice]:
+        """The part of an array that belongs to the cell."""
+        return np.s_[: self.inside[0], : self.inside[1]]
 
     @property
     def size(self) -> int:
-        """Nodes along one side of the array of a field."""
-        whole = self.grid if self.kind == "periodic" else 2 * self.grid
-        return whole // 2 if self.quarter else whole
-
-    @property
-    def inside(self) -> int:
-        """How many of them belong to the cell; the others are padding."""
-        return self.grid // 2 if self.quarter else self.grid
+        """Nodes of the array of a field."""
+        return math.prod(self.shape)
 
     @property
     def multiplicity(self) -> int:
@@ -99,41 +127,51 @@ class Lattice:
     @property
     def node_area(self) -> float:
         """Area for which one node of the array stands."""
-        return self.spacing**2 * self.multiplicity
+        return math.prod(self.spacings) * self.multiplicity
 
     @property
     def area(self) -> float:
         """Area of the whole array, padding included."""
-        return self.node_area * self.size**2
+        return self.node_area * self.size
 
     @property
     def compliance(self) -> float:
         """C of d = C F - mean(u)."""
-        if self.kind == "periodic":
-            return IMAGE_SUM / (np.pi * self.edge)
-        return float(_square_compliance(self.grid)[0, 0]) / (4.0 * self.edge)
+        if self.kind == "free":
+            return float(_free_compliance(self.edges, self.nodes)[0, 0]) / self.area
+        if self.line:
+            return 2.0 * math.log(2.0 * math.pi) / (math.pi * self.edges[self.nodes.index(1)])
+        return IMAGE_SUM / (math.pi * math.sqrt(math.prod(self.edges)))
 
     @cached_property
-    def axis(self) -> Array:
-        """Coordinates of the nodes along one side, from the middle of the cell; padding too, (size,)."""
-        nodes = (np.arange(self.size) + 0.5) * self.spacing
-        return np.asarray(nodes if self.quarter else nodes - 0.5 * self.edge)
+    def axes(self) -> tuple[Array, Array]:
+        """Coordinates of the array's rows and columns, from the middle of the cell; padding too."""
+        numbers = [np.arange(0.5, count) for count in self.shape]
+        firsts = [0.0 if self.quarter else 0.5 * edge for edge in self.edges]
+        x, y = (np.asarray(k * h - x0) for k, h, x0 in zip(numbers, self.spacings, firsts, strict=True))
+        return x, y
+
+    @cached_property
+    def distance(self) -> Array:
+        """Distance of every node from the middle of the cell."""
+        return np.asarray(np.hypot(self.axes[0][:, None], self.axes[1]))
 
     def fill(self, values: Array) -> Array:
-        """Heights of the cell, (inside, inside), on the whole array: there is no tip on the padding."""
-        if self.size == self.inside:
-            return np.array(values, dtype=np.float64)
-        whole = np.full((self.size, self.size), np.inf)
-        whole[: self.inside, : self.inside] = values
+        """Heights of the cell on the whole array: there is no tip on the padding."""
+        whole = np.full(self.shape, np.inf)
+        whole[self.cell] = values
         return whole
 
     @property
     def symbol(self) -> Array:
         """K̂ at every coefficient of a transform."""
+        numbers = orders(self.shape, self.quarter)
         if self.kind == "periodic":
-            return 0.5 * wavenumbers(self.size, self.spacing, self.quarter)
-        rows, columns = (np.abs(numbers).astype(int) for numbers in orders(self.size, self.quarter))
-        stiffness: Array = 1.0 / (self.edge * _square_compliance(self.grid)[rows, columns])
+            # From whole numbers where edges are equal, so that a quarter and the whole lattice have the same digits.
+            ratio = self.edges[0] / self.edges[1]
+            return np.asarray(np.pi / self.edges[0] * np.sqrt(numbers[0] ** 2 + (ratio * numbers[1]) ** 2))
+        rows, columns = (np.abs(order).astype(int) for order in numbers)
+        stiffness: Array = 1.0 / _free_compliance(self.edges, self.nodes)[rows, columns]
         stiffness[(rows == 0) & (columns == 0)] = 0.0
         return stiffness
 
@@ -144,13 +182,18 @@ class Lattice:
         symbol[0, 0] = 1.0 / (self.compliance * self.area)
         return symbol
 
+    @property
+    def stiffest(self) -> float:
+        """K̂ of the shortest wave of a periodic lattice."""
+        return 0.5 * np.pi * math.hypot(*(1.0 / h for h, n in zip(self.spacings, self.nodes, strict=True) if n > 1))
+
     def transform(self, counter: Counter, threads: int = 1) -> Transform:
         """Plans for fields on this lattice."""
-        return Transform(self.size, self.quarter, threads, counter)
+        return Transform(self.shape, self.quarter, threads, counter)
 
     def whole(self) -> Lattice:
         """The same lattice without symmetry."""
-        return Lattice(self.kind, self.edge, self.grid, quarter=False)
+        return replace(self, quarter=False)
 
     def unfold(self, values: Array) -> Array:
         """A field of the quarter on the array of the whole lattice, padding included."""
@@ -159,5 +202,5 @@ class Lattice:
         rows = np.concatenate([values[::-1], values])
         whole = np.concatenate([rows[:, ::-1], rows], axis=1)
         # The whole array begins at the border of the cell, that of two quarters where the padding does.
-        offset = self.inside - self.size
-        return np.roll(whole, (offset, offset), (0, 1))
+        offsets = [inside - size for inside, size in zip(self.inside, self.shape, strict=True)]
+        return np.roll(whole, offsets, (0, 1))

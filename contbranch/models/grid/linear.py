@@ -71,7 +71,7 @@ class Border:
         self.across = 0.0
         if isinstance(row, float):
             self.along += row * lattice.compliance * lattice.area
-            self.across = -row * lattice.size**2
+            self.across = -row * lattice.size
         elif row is not None:
             self.along += problem.displaced(row)
             self.across = -float(row.sum())

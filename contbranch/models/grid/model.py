@@ -30,8 +30,8 @@ class _Cell:
         Edge of the square cell, in the contact's unit of length; default: that of a height map, or large enough for
         what interacts.
     grid : int, optional
-        Nodes along the edge, even and at least 8, best without prime factors above 7; default: those of a height map,
-        or chosen from the accuracy asked for.
+        Nodes along the edge, even and at least 8, best without prime factors above 7; of a height map those along the
+        edge that has the most. Default: those of the height map, or chosen from the accuracy asked for.
     threads : int
         Of the transforms.
     units : UnitValues
@@ -80,18 +80,20 @@ class _Cell:
         if isinstance(tip, HeightMap):
             if cell is not None and not tip.covers(cell):
                 unit = self.units.in_plane
-                raise InputError(
-                    f"cell: {cell * unit:g}; the height map has the cell {tip.cell * unit:g}: leave it out or give this"
-                )
-            cell = tip.cell if cell is None else cell
-            grid = (tip.points if tip.points % 2 == 0 else 2 * tip.points) if grid is None else grid
-        if cell is None or grid is None:
-            from .size import chosen_size  # which traces a model without a grid
+                own = " x ".join(f"{edge * unit:g}" for edge in tip.edges)
+                raise InputError(f"cell: {cell * unit:g}; the height map has the cell {own}: leave cell out")
+            edges, nodes = tip.edges, tip.points if grid is None else tip.nodes_of(grid)
+            if self.name == "free" and 1 in nodes:
+                raise InputError("model: free; a line contact needs a periodic cell: use model='periodic'")
+        else:
+            if cell is None or grid is None:
+                from .size import chosen_size  # which traces a model without a grid
 
-            cell, grid = chosen_size(contact, self.name, (cell, grid), (field, value), accuracy)
+                cell, grid = chosen_size(contact, self.name, (cell, grid), (field, value), accuracy)
+            edges, nodes = (cell, cell), (grid, grid)
         from .setup import Setup
 
-        found = Setup(contact, self.name, cell, grid, threads=self.threads, units=self.units)
+        found = Setup(contact, self.name, edges, nodes, threads=self.threads, units=self.units)
         from .resolution import refuse_too_large
 
         refuse_too_large(found)

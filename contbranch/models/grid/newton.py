@@ -85,7 +85,7 @@ def hold_control(problem: GridProblem, load_weight: float, displacement_weight: 
     """Hold ``load_weight · F + displacement_weight · d``, with d = C F - mean(u)."""
     if displacement_weight == 0.0:
         return Hold(value, load_weight)
-    nodes = problem.lattice.size**2
+    nodes = problem.lattice.size
     whole = load_weight + displacement_weight * problem.lattice.compliance
     return Hold(value, whole, -displacement_weight / nodes)
 
@@ -278,7 +278,7 @@ class _Trial:
     @staticmethod
     def at(problem: GridProblem, fields: Fields, contact: Flags, frozen: bool = False) -> _Trial:
         excess = fields.excess
-        missed = problem.stiffest * np.where(contact, problem.heights + fields.u, 0.0)
+        missed = problem.lattice.stiffest * np.where(contact, problem.heights + fields.u, 0.0)
         kept = contact & ((excess > missed) | frozen)
         violated = np.where(contact, 0.0 if frozen else np.minimum(excess - missed, 0.0), excess)
         size = rms(fields.elastic) or 1.0

@@ -44,12 +44,12 @@ _MIDPOINT = np.array([150.0, -25.0, 3.0]) / 128.0
 
 def interpolate(lattice: Lattice, values: Array, x: float, y: float) -> float:
     """The trigonometric interpolant of a field (even, on a quarter) at a point, coordinates from the middle."""
-    return float(weights(lattice, x) @ values @ weights(lattice, y))
+    return float(weights(lattice, 0, x) @ values @ weights(lattice, 1, y))
 
 
 def central_gap(problem: GridProblem, equilibrium: Equilibrium) -> tuple[float, float]:
     """Gap at the middle of the cell, where the tip has its apex: 0 in contact; the error of its interpolation there."""
-    half = problem.lattice.grid // 2
+    half = problem.lattice.nodes[0] // 2
     around = slice(0, 1) if problem.lattice.quarter else slice(half - 1, half + 1)
     if equilibrium.contact[around, around].all():
         return 0.0, 0.0
@@ -84,12 +84,11 @@ def images(problem: GridProblem, equilibrium: Equilibrium) -> float:
     lattice = problem.lattice
     if lattice.kind == "free":
         return 0.0
-    square = lattice.axis**2
-    pressure = np.abs(equilibrium.fields.elastic)
-    moment = lattice.node_area * (square @ pressure.sum(axis=1) + pressure.sum(axis=0) @ square)
+    edge, pressure = lattice.edges[0], np.abs(equilibrium.fields.elastic)
+    moment = lattice.node_area * float(np.vdot(lattice.distance**2, pressure))
     total = lattice.node_area * pressure.sum()
-    higher = _HIGHER * moment / (total * lattice.edge**2) if total > 0.0 else 0.0
-    return float(moment / (4.0 * math.pi * lattice.edge**3) * (_LEADING + higher))
+    higher = _HIGHER * moment / (total * edge**2) if total > 0.0 else 0.0
+    return float(moment / (4.0 * math.pi * edge**3) * (_LEADING + higher))
 
 
 def far_field_error(problem: GridProblem, equilibrium: Equilibrium) -> float:
@@ -106,10 +105,12 @@ def cell_fields(problem: GridProblem, equilibrium: Equilibrium, centred: bool = 
 
     Coordinates count from its middle, or, of a height map, whose nodes are not `centred`, from node [0, 0].
     """
-    lattice = problem.lattice
-    n = lattice.grid
-    axis: Array = lattice.whole().axis[:n] if centred else lattice.spacing * np.arange(n, dtype=float)
-    return CellFields(axis, axis.copy(), *(lattice.unfold(field)[:n, :n] for field in _observed(equilibrium)))
+    lattice, whole = problem.lattice, problem.lattice.whole()
+    if centred:
+        x, y = (axis[part] for axis, part in zip(whole.axes, whole.cell, strict=True))
+    else:
+        x, y = (step * np.arange(float(count)) for step, count in zip(whole.spacings, whole.nodes, strict=True))
+    return CellFields(x, y, *(lattice.unfold(field)[whole.cell] for field in _observed(equilibrium)))
 
 
 def profile(problem: GridProblem, equilibrium: Equilibrium, points: int = 2000) -> Profile:
@@ -120,23 +121,22 @@ def profile(problem: GridProblem, equilibrium: Equilibrium, points: int = 2000) 
     are means over circles; use `cell_fields` for the fields themselves.
     """
     lattice = problem.lattice
-    inside = lattice.inside
-    axis = lattice.axis[:inside]
-    radius = np.hypot(axis[:, None], axis[None, :])
-    kept = radius <= 0.5 * lattice.edge
+    radius = lattice.distance[lattice.cell]
+    edge = min(edge for edge, nodes in zip(lattice.edges, lattice.nodes, strict=True) if nodes > 1)
+    kept = radius <= 0.5 * edge
     r = radius[kept]
-    # Squared distances are integers in units of half the spacing squared.
+    # Squared distances are integers in units of half the spacing squared, where spacings are equal.
     keys = np.rint((2.0 * r / lattice.spacing) ** 2).astype(np.int64)
     numbers = np.unique(keys, return_inverse=True)[1].ravel()
     if numbers.max() + 1 > points:
-        bins = np.minimum((r / (0.5 * lattice.edge) * points).astype(np.int64), points - 1)
+        bins = np.minimum((r / (0.5 * edge) * points).astype(np.int64), points - 1)
         numbers = np.unique(bins, return_inverse=True)[1].ravel()
     counts = np.bincount(numbers)
 
     def averaged(values: Array) -> Array:
         return np.bincount(numbers, weights=values) / counts
 
-    gap, pressure, wall = (averaged(field[:inside, :inside][kept]) for field in _observed(equilibrium))
+    gap, pressure, wall = (averaged(field[lattice.cell][kept]) for field in _observed(equilibrium))
     return Profile(r=averaged(r), gap=gap, pressure=pressure, wall_pressure=wall)
 
 
@@ -147,20 +147,20 @@ def _observed(equilibrium: Equilibrium) -> tuple[Array, Array, Array]:
     return np.maximum(fields.gap, 0.0), fields.pressure + wall, wall
 
 
-def weights(lattice: Lattice, x: float | Array) -> Array:
-    """Weights of the nodes of one side in the trigonometric interpolant at x, or at every x of a column."""
+def weights(lattice: Lattice, side: int, x: float | Array) -> Array:
+    """Weights of the rows (side 0) or columns (1) in the trigonometric interpolant at x, or at every x of a column."""
+    axis, nodes, spacing = lattice.axes[side], lattice.shape[side], lattice.spacings[side]
     if not lattice.quarter:
-        return _dirichlet(x - lattice.axis, lattice.size, lattice.spacing)
-    nodes = 2 * lattice.size
-    return _dirichlet(x - lattice.axis, nodes, lattice.spacing) + _dirichlet(x + lattice.axis, nodes, lattice.spacing)
+        return _dirichlet(x - axis, nodes, spacing)
+    return _dirichlet(x - axis, 2 * nodes, spacing) + _dirichlet(x + axis, 2 * nodes, spacing)
 
 
 def _dirichlet(x: Array, nodes: int, spacing: float) -> Array:
-    """The periodic interpolant, of an even number of nodes, of 1 at x = 0 and 0 at the other nodes."""
+    """The periodic interpolant of 1 at x = 0 and 0 at the other nodes."""
     half = np.pi * x / (nodes * spacing)
-    tangent = np.tan(half)
+    divisor = np.sin(half) if nodes % 2 else np.tan(half)
     at_node = np.abs(np.sin(half)) < 1e-14
-    return np.where(at_node, 1.0, np.sin(nodes * half) / (nodes * np.where(at_node, 1.0, tangent)))
+    return np.where(at_node, 1.0, np.sin(nodes * half) / (nodes * np.where(at_node, 1.0, divisor)))
 
 
 def _folded(values: Array) -> Array:

@@ -7,7 +7,6 @@ Unknowns are u = w - d on the nodes (`lattice`) and the load F; the gap is g = z
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -60,7 +59,7 @@ class GridProblem:
     Attributes
     ----------
     lattice : Lattice
-    heights : array (lattice.size, lattice.size)
+    heights : array of the lattice's shape
         z ≥ 0; infinite where there is no tip.
     law : Interaction or None
     threads : int
@@ -96,27 +95,23 @@ class GridProblem:
     @cached_property
     def swapped(self) -> bool:
         """Whether the tip is the same with x and y exchanged."""
-        return bool(np.allclose(self.heights, self.heights.T, rtol=1e-12, atol=0.0))
+        same = self.lattice.edges[0] == self.lattice.edges[1] and self.shape[0] == self.shape[1]
+        return same and bool(np.allclose(self.heights, self.heights.T, rtol=1e-12, atol=0.0))
 
     @cached_property
     def mirrored(self) -> bool:
         """Whether the whole of a tip is here that is its own mirror image."""
-        inside = self.heights[: self.lattice.inside, : self.lattice.inside]
+        inside = self.heights[self.lattice.cell]
         return not self.lattice.quarter and bool(np.allclose(inside, inside[::-1], rtol=1e-12, atol=0.0))
 
     @property
     def shape(self) -> tuple[int, int]:
         """Shape of a field."""
-        return (self.lattice.size, self.lattice.size)
+        return self.lattice.shape
 
     def stiffness(self, u: Array) -> Array:
         """K u; one pair."""
         return self.transform.filter(self._stiffness_filter, u)
-
-    @property
-    def stiffest(self) -> float:
-        """K̂ of the shortest wave of the lattice."""
-        return float(np.pi / math.sqrt(2.0) / self.lattice.spacing)
 
     def clusters(self, contact: Flags, stiffness: Array, zone: Flags, made: Flags) -> Clusters:
         """The linearised equations on clusters of nodes: those used last, where they serve.
@@ -146,7 +141,7 @@ class GridProblem:
 
     def rounding(self, u: Array) -> float:
         """What the rounding of u to double precision may leave in K u: far away it is more than the pressures."""
-        return float(np.spacing(np.abs(u).max())) * 0.5 * np.pi / self.lattice.spacing
+        return float(np.spacing(np.abs(u).max())) * self.lattice.stiffest
 
     def smoother(self, shift: float) -> Array:
         """The filter of (K + shift)⁻¹."""

@@ -13,14 +13,14 @@ import itertools
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from contbranch.arrays import Array
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
-from contbranch.errors import InputError, warned
+from contbranch.errors import InputError, number_of, warned
 from contbranch.grid_size import LEAST_GRID
 
 from .lattice import Lattice
@@ -34,9 +34,9 @@ __all__ = [
     "Resolution",
     "border_energy",
     "edge_force",
+    "map_message",
     "needed_grid",
     "refuse_too_large",
-    "repetition",
     "tail_energy",
     "tail_force",
     "warn",
@@ -54,6 +54,8 @@ DECAYED = 1e-3
 LOUD = 0.1
 # Heights that change by this factor more across the edge of the cell than elsewhere belong to no periodic map.
 STEP = 4.0
+# Nodes of a height map that a message names.
+MOST_NAMED = 5
 
 
 class GridWarning(UserWarning):
@@ -113,17 +115,28 @@ class Resolution:
     def of(setup: Setup) -> Resolution:
         """Compare the law with the lattice."""
         stiffness = math.pi / (WAVE * setup.lattice.spacing)
-        grid = needed_grid(setup.edge, setup.law)
-        return Resolution(concavity(setup.law), stiffness, grid, memory_of(replace(setup, grid=grid)))
+        grid = needed_grid(setup.lattice.spacing * setup.grid, setup.law)
+        memory = memory_of(setup) * (grid / setup.grid) ** (1 if setup.lattice.line else 2)
+        return Resolution(concavity(setup.law), stiffness, grid, memory)
 
 
-def repetition(setup: Setup) -> str:
-    """A sentence if a periodic cell repeats a height map with a step; empty otherwise."""
+def map_message(setup: Setup) -> str:
+    """Sentences if a height map has spikes, or a periodic cell repeats it with a step; empty otherwise."""
     tip = setup.contact.tip
-    if not isinstance(tip, HeightMap) or setup.lattice.kind != "periodic" or tip.edge_step < STEP:
+    if not isinstance(tip, HeightMap):
         return ""
+    said, spikes = "", tip.spikes
+    if spikes:
+        named = [f"[{i}, {j}]" for i, j in spikes[:MOST_NAMED]] + ["…"] * (len(spikes) > MOST_NAMED)
+        said = (
+            f"The height map has {number_of(len(spikes), 'spike', 'spikes')} towards the wall, at {', '.join(named)}, "
+            "like dust or outliers, which touch first; if they are none of the surface, set them to NaN and give "
+            "fill=True. "
+        )
+    if setup.lattice.kind != "periodic" or tip.edge_step < STEP:
+        return said.rstrip()
     remedy = "subtract its tilt with detrend='plane'" if tip.tilted else "use model='free', or a map that is periodic"
-    return (
+    return said + (
         f"The height map is not periodic: across the edges of the cell its heights change {tip.edge_step:.3g} times as "
         f"much as between other neighbouring nodes, and the cell repeats it with that step; {remedy}."
     )
@@ -131,7 +144,7 @@ def repetition(setup: Setup) -> str:
 
 def memory_of(setup: Setup) -> float:
     """Bytes that a trace on a lattice takes, about."""
-    return 8.0 * FIELDS * setup.lattice.size**2
+    return 8.0 * FIELDS * setup.lattice.size
 
 
 def memory_here() -> float:
@@ -183,7 +196,7 @@ def _fast_above(nodes: float) -> int:
 
 def smallest_on_border(lattice: Lattice, values: Array) -> float:
     """The smallest value on the border of the cell."""
-    own = values[: lattice.inside, : lattice.inside]
+    own = values[lattice.cell]
     sides = -1 if lattice.quarter else [0, -1]
     return float(min(own[sides].min(), own[:, sides].min()))
 
@@ -225,14 +238,14 @@ def _outside(setup: Setup, state: Equilibrium, integral: Callable[[Array, Array,
         return 0.0
     if border_energy(setup.problem, state.fields.gap) > LOUD:
         return math.inf
-    last, middle = lattice.inside - 1, 0 if lattice.quarter else lattice.grid // 2
+    last, middle = lattice.inside[0] - 1, 0 if lattice.quarter else lattice.nodes[0] // 2
     gap = state.fields.gap
     outer, inner = (min(float(gap[k, middle]), float(gap[middle, k])) for k in (last, last - 1))
     if not (math.isfinite(outer) and outer > inner):
         return 0.0
     slope, nearest = (outer - inner) / lattice.spacing, max(outer, 0.0)
     beyond = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 60) * (nearest + law.range)])
-    gaps, radii = nearest + beyond, 0.5 * lattice.edge + beyond / slope
+    gaps, radii = nearest + beyond, 0.5 * setup.edge + beyond / slope
     return 2.0 * math.pi / slope * float(integral(gaps, np.abs(law.evaluate(gaps).energy), radii))
 
 
@@ -246,8 +259,7 @@ def edge_force(setup: Setup, state: Equilibrium) -> float:
         return 0.0
     under = np.isfinite(setup.problem.heights)
     off = abs(float(under.sum()) * setup.lattice.node_area - math.pi * tip.extent**2)
-    axis = setup.lattice.axis
-    ring = under & (np.hypot(axis[:, None], axis[None, :]) > tip.extent - setup.lattice.spacing)
+    ring = under & (setup.lattice.distance > tip.extent - setup.lattice.spacing)
     pressure = np.abs(law.evaluate(np.maximum(state.fields.gap[ring], 0.0)).pressure)
     return off * float(pressure.max(initial=0.0))
 
@@ -257,7 +269,7 @@ def fills(setup: Setup, state: Equilibrium) -> bool:
     lattice = setup.lattice
     if setup.crowded:
         return False
-    inner = state.contact[: lattice.inside, : lattice.inside]
+    inner = state.contact[lattice.cell]
     return bool(inner[-1, :].any() or inner[:, -1].any())
 
 

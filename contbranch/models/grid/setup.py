@@ -7,11 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from contbranch.arrays import Array
+from contbranch.arrays import Array, Flags
 from contbranch.contact.contact import Contact
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interactions import Interaction
 from contbranch.errors import InputError
+from contbranch.grid_size import LEAST_GRID
 
 from .lattice import Kind, Lattice
 from .observables import weights
@@ -20,7 +21,7 @@ from .ramp import on_lattice
 from .transforms import Counter
 from .units import REDUCED_VALUES, UnitValues
 
-__all__ = ["Setup", "UnitValues", "coarsened", "refined"]
+__all__ = ["Setup", "UnitValues", "coarsened", "doubled", "refined"]
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,9 @@ class Setup:
     contact : Contact
         In reduced units.
     kind : {"periodic", "free"}
-    edge : float
-    grid : int
+    edges : (float, float)
+    nodes : (int, int)
+        Along each edge.
     symmetric : bool
         Whether mirror symmetries of the tip may be used.
     threads : int
@@ -45,8 +47,8 @@ class Setup:
 
     contact: Contact
     kind: Kind
-    edge: float
-    grid: int
+    edges: tuple[float, float]
+    nodes: tuple[int, int]
     symmetric: bool = True
     threads: int = 1
     counter: Counter = field(default_factory=Counter)
@@ -61,17 +63,17 @@ class Setup:
     @cached_property
     def lattice(self) -> Lattice:
         """The lattice."""
-        return Lattice(self.kind, self.edge, self.grid, self.quarter)
+        return Lattice(self.kind, self.edges, self.nodes, self.quarter)
 
     @cached_property
     def problem(self) -> GridProblem:
         """The problem on the lattice, with its plans."""
         tip, lattice = self.contact.tip, self.lattice
         if isinstance(tip, HeightMap):
-            heights = tip.on_grid(self.edge, self.grid)
+            heights = tip.on_grid(self.nodes)
         else:
-            axis = lattice.axis[: lattice.inside]
-            heights = tip.surface(axis[:, None], axis[None, :])
+            x, y = (axis[part] for axis, part in zip(lattice.axes, lattice.cell, strict=True))
+            heights = tip.surface(x[:, None], y[None, :])
             if not np.isfinite(heights).any():
                 raise InputError("grid: no node of it lies under the tip; take a finer grid or a smaller cell")
         return GridProblem(lattice, lattice.fill(heights), self.law, self.threads, self.counter)
@@ -82,6 +84,16 @@ class Setup:
         return on_lattice(self.contact.interaction, self.lattice.spacing)
 
     @property
+    def edge(self) -> float:
+        """The shorter edge of the cell; that along a line contact."""
+        return min(edge for edge, nodes in zip(self.edges, self.nodes, strict=True) if nodes > 1)
+
+    @property
+    def grid(self) -> int:
+        """Nodes along the edge with the most of them."""
+        return max(self.nodes)
+
+    @property
     def length(self) -> float:
         """The range of the law; without one, the tip's own length."""
         law = self.contact.interaction
@@ -90,12 +102,16 @@ class Setup:
     @cached_property
     def coarse(self) -> Setup | None:
         """The same contact on half the nodes a side, if they are enough to compare with."""
-        return None if self.grid % 4 or self.grid < 16 else replace(self, grid=self.grid // 2)
+        parts, least = 4 if self.quarter else 2, 2 * LEAST_GRID
+        if any(n > 1 and (n % parts or n < least) for n in self.nodes):
+            return None
+        return replace(self, nodes=(max(self.nodes[0] // 2, 1), max(self.nodes[1] // 2, 1)))
 
     @cached_property
     def fine(self) -> Setup:
         """The same contact on twice the nodes a side."""
-        return replace(self, grid=2 * self.grid)
+        rows, columns = (2 * n if n > 1 else 1 for n in self.nodes)
+        return replace(self, nodes=(rows, columns))
 
     def whole(self) -> Setup:
         """The same contact without use of symmetries."""
@@ -116,8 +132,15 @@ def coarsened(values: Array, centred: bool = True) -> Array:
     """A field on the lattice with half the nodes a side."""
     if not centred:
         return np.array(values[::2, ::2])
-    n = values.shape[0] // 2
-    return np.asarray(values.reshape(n, 2, n, 2).mean(axis=(1, 3)))
+    rows, columns = (count // 2 for count in values.shape)
+    return np.asarray(values.reshape(rows, 2, columns, 2).mean(axis=(1, 3)))
+
+
+def doubled(flags: Flags, shape: tuple[int, int]) -> Flags:
+    """The nodes of a finer lattice that lie next to those flagged."""
+    for axis in (0, 1):
+        flags = flags.repeat(shape[axis] // flags.shape[axis], axis)
+    return flags
 
 
 def refined(values: Array, lattice: Lattice, centred: bool = True) -> Array:
@@ -130,6 +153,9 @@ def refined(values: Array, lattice: Lattice, centred: bool = True) -> Array:
     lattice : Lattice
         On which it is given.
     """
-    first = lattice.axis[0] - 0.25 * lattice.spacing * centred
-    between = weights(lattice, first + 0.5 * lattice.spacing * np.arange(2 * lattice.size)[:, None])
-    return between @ values @ between.T
+    for side, (axis, spacing) in enumerate(zip(lattice.axes, lattice.spacings, strict=True)):
+        if lattice.nodes[side] > 1:
+            first = axis[0] - 0.25 * spacing * centred
+            between = weights(lattice, side, first + 0.5 * spacing * np.arange(2 * len(axis))[:, None])
+            values = between @ values if side == 0 else values @ between.T
+    return values

@@ -21,7 +21,6 @@ from contbranch.errors import InputError, ModelError
 from contbranch.models.axisymmetric import Axisymmetric
 from contbranch.results.diagram import State
 
-from .lattice import Lattice
 from .newton import Sketch
 from .setup import Setup
 
@@ -50,7 +49,7 @@ def relatives(contact: Contact, field: str, value: float) -> tuple[list[State], 
 
 def drawn(setup: Setup, state: State) -> Sketch:
     """A state of the axisymmetric model on a lattice: its gap, and outside its profile the field of a point force."""
-    heights, distance = setup.problem.heights, _distance(setup.lattice)
+    heights, distance = setup.problem.heights, setup.lattice.distance
     inside = np.isfinite(heights)
     likeness = distance if setup.contact.tip.is_axisymmetric else np.sqrt(2.0 * np.where(inside, heights, np.inf))
     gap = np.interp(likeness, state.r, state.gap, right=np.inf)
@@ -60,21 +59,17 @@ def drawn(setup: Setup, state: State) -> Sketch:
 def copied(setup: Setup, state: State) -> Sketch | None:
     """A reduced state of a grid model as a start, if it has the nodes of this lattice; None if it has not."""
     lattice = setup.lattice
-    if state.in_cell is None or state.cell.gap.shape != (lattice.grid, lattice.grid):
+    if state.in_cell is None or state.cell.gap.shape != lattice.nodes:
         return None
-    half = lattice.grid // 2 if lattice.quarter else 0
-    gap = lattice.fill(state.cell.gap[half:, half:])
+    rows, columns = (n // 2 if lattice.quarter else 0 for n in lattice.nodes)
+    gap = lattice.fill(state.cell.gap[rows:, columns:])
     return _sketch(setup, state, gap, (gap <= 0.0) & np.isfinite(setup.problem.heights))
 
 
 def _sketch(setup: Setup, state: State, gap: Array, contact: Flags) -> Sketch:
     """A trial state by its gap, and where that is not known the field of a point force."""
     lattice, heights = setup.lattice, setup.problem.heights
-    far = -state.displacement + state.load / (math.pi * np.maximum(_distance(lattice), lattice.spacing))
+    far = -state.displacement + state.load / (math.pi * np.maximum(lattice.distance, lattice.spacing))
     with np.errstate(invalid="ignore"):
         own = gap - heights
     return Sketch(np.where(contact, -heights, np.where(np.isfinite(own), own, far)), state.load, contact)
-
-
-def _distance(lattice: Lattice) -> Array:
-    return np.hypot(lattice.axis[:, None], lattice.axis)

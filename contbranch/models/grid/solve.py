@@ -19,7 +19,7 @@ from .equilibria import LatticeProblem
 from .measure import quietly
 from .newton import Equilibrium, Hold, Settings, Sketch, control_held, hold_control, newton, settings_for, tangent
 from .problem import GridProblem
-from .resolution import Resolution, fills, repetition, rounded_up, warn
+from .resolution import Resolution, fills, map_message, rounded_up, warn
 from .setup import Setup
 from .size import border_message, chosen_size
 from .sketch import copied, drawn, relatives
@@ -71,7 +71,7 @@ def solve_all(setup: Setup, request: Request, field: str, value: float, near: St
             known = refine(problem.point(state, (along.field, along.load)), event, request.accuracy)
             states.append(state_apart(known, request.controls))
     border = "" if setup.crowded else _border(setup, equilibria[0], (field, value), request.accuracy)
-    notes = [Resolution.of(setup).message, repetition(setup), border]
+    notes = [Resolution.of(setup).message, map_message(setup), border]
     for note in notes:
         warn(note)
     if own and related:
@@ -127,12 +127,13 @@ def trials(setup: Setup, field: str, value: float) -> list[Sketch]:
     problem, nothing = setup.problem, np.zeros(setup.problem.shape, dtype=bool)
     heights = np.where(np.isfinite(problem.heights), problem.heights, 0.0)
     # Flat, as if every height below the mean pressure's work were in contact.
-    depth = float(np.quantile(heights[: setup.lattice.inside, : setup.lattice.inside], 0.3))
+    depth = float(np.quantile(heights[setup.lattice.cell], 0.3))
     flat, load = -np.minimum(heights, depth), value if field == "load" else 0.0
     pressed = Sketch(flat, load, np.isfinite(problem.heights) & (problem.heights + flat <= 0.0))
     starts, law = [], problem.law
     bare = GridProblem(problem.lattice, problem.heights, None, problem.threads, problem.counter)
-    pull = 0.0 if law is None else max(0.0, -float(law.evaluate(np.zeros(1)).energy[0])) / law.range * setup.edge**2
+    deepest = 0.0 if law is None else -float(law.evaluate(np.zeros(1)).energy[0]) / law.range
+    pull = max(0.0, deepest) * math.prod(setup.edges)
     holds = [control_held(bare, CONTROLS[field] or DISPLACEMENT, value)] if value > 0.0 else []
     holds += [Hold(abs(load) + PULL_SHARE * pull)] if pull else []
     for hold in holds if law is not None else ():

@@ -117,10 +117,10 @@ class Stability:
         next to nothing of cos 2θ.
         """
         lattice, softening = self.problem.lattice, np.maximum(-equilibrium.fields.stiffness, 0.0)
-        distance, sign = np.abs(lattice.axis), np.sign(lattice.axis)
-        seeds = [softening, softening * np.sign(distance[:, None] - distance)]
+        x, y = lattice.axes
+        seeds = [softening, softening * np.sign(np.abs(x)[:, None] - np.abs(y))]
         if not lattice.quarter:
-            seeds += [softening * sign[:, None], softening * sign, softening * sign[:, None] * sign]
+            seeds += [softening * sign for sign in (np.sign(x)[:, None], np.sign(y), np.sign(np.outer(x, y)))]
         random = np.random.default_rng(softening.size)
         return [*seeds, softening * random.standard_normal(softening.shape)]
 

@@ -1,4 +1,4 @@
-"""Transforms of fields on a square lattice: the whole lattice, or a quarter of it where fields are even.
+"""Transforms of fields on a lattice: the whole lattice, or a quarter of it where fields are even.
 
 A field that is even about the middle of a row of M nodes is known from M/2 of them, and its Fourier series is the
 cosine transform of these: a quarter of the nodes suffices for a field with both mirror symmetries.
@@ -18,7 +18,7 @@ from contbranch.curve.problem import Work
 from contbranch.results.diagram import Cost
 from contbranch.watch import check
 
-__all__ = ["Counter", "Transform", "orders", "wavenumbers"]
+__all__ = ["Counter", "Transform", "orders"]
 
 
 @dataclass
@@ -39,29 +39,21 @@ class Counter(Work):
         return Cost(0.0, self.newton, self.equilibrium, self.stability)
 
 
-def orders(nodes: int, even: bool) -> tuple[Array, Array]:
-    """Numbers of the coefficients of a transform along both directions, (m, 1) and (1, m): half waves on a quarter with
-    m nodes a side, waves on the whole array, (M, 1) and (1, M/2+1).
+def orders(shape: tuple[int, int], even: bool) -> tuple[Array, Array]:
+    """Numbers of the coefficients of a transform along both directions, (m, 1) and (1, n): half waves on a quarter,
+    which has m × n nodes, waves on the whole array of M × N, (M, 1) and (1, N/2+1).
 
     Parameters
     ----------
-    nodes : int
-        Nodes along one side of the array that is transformed.
+    shape : (int, int)
+        Of the array that is transformed.
     even : bool
         Whether that is a quarter of the lattice.
     """
-    waves = np.arange(float(nodes))
+    rows, columns = (np.arange(float(count)) for count in shape)
     if even:
-        return waves[:, None], waves[None, :]
-    return (waves - nodes * (2.0 * waves >= nodes))[:, None], waves[None, : nodes // 2 + 1]
-
-
-def wavenumbers(nodes: int, spacing: float, even: bool) -> Array:
-    """|q| of every coefficient of a transform; `nodes` and `even` as for `orders`."""
-    # From whole numbers, so that a quarter and the whole lattice have the same digits.
-    rows, columns = orders(nodes, even)
-    unit = (1.0 if even else 2.0) * np.pi / (nodes * spacing)
-    return np.asarray(unit * np.sqrt(np.rint(rows**2 + columns**2)))
+        return rows[:, None], columns[None, :]
+    return (rows - shape[0] * (2.0 * rows >= shape[0]))[:, None], columns[None, : shape[1] // 2 + 1]
 
 
 @dataclass
@@ -70,8 +62,8 @@ class Transform:
 
     Attributes
     ----------
-    nodes : int
-        Nodes along one side of the array.
+    shape : (int, int)
+        Of the array.
     even : bool
         Whether it is a quarter of the lattice.
     threads : int
@@ -79,22 +71,22 @@ class Transform:
         Where pairs are counted; transforms of one problem share it.
     """
 
-    nodes: int
+    shape: tuple[int, int]
     even: bool = True
     threads: int = 1
     counter: Counter = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
-        n = self.nodes
-        self._space = pyfftw.empty_aligned((n, n), dtype="float64")
+        rows, columns = self.shape
+        self._space = pyfftw.empty_aligned(self.shape, dtype="float64")
         if self.even:
-            self._spectrum = pyfftw.empty_aligned((n, n), dtype="float64")
+            self._spectrum = pyfftw.empty_aligned(self.shape, dtype="float64")
             directions: tuple[object, object] = (("FFTW_REDFT10",) * 2, ("FFTW_REDFT01",) * 2)
-            self.normalisation = 1.0 / (2 * n) ** 2
+            self.normalisation = 1.0 / (4 * rows * columns)
         else:
-            self._spectrum = pyfftw.empty_aligned((n, n // 2 + 1), dtype="complex128")
+            self._spectrum = pyfftw.empty_aligned((rows, columns // 2 + 1), dtype="complex128")
             directions = ("FFTW_FORWARD", "FFTW_BACKWARD")
-            self.normalisation = 1.0 / n**2
+            self.normalisation = 1.0 / (rows * columns)
         options = {"axes": (0, 1), "flags": ("FFTW_MEASURE", "FFTW_DESTROY_INPUT"), "threads": self.threads}
         self._forward: Callable[[], object] = pyfftw.FFTW(
             self._space, self._spectrum, direction=directions[0], **options
@@ -110,7 +102,7 @@ class Transform:
         ----------
         symbol : array of the shape of the spectrum
             Times `normalisation`.
-        values : array (n, n)
+        values : array (rows, columns)
         """
         self._space[...] = values
         self._forward()

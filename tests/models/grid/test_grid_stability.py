@@ -24,17 +24,17 @@ EXACT = Precision(tolerance=1e-7, share=1e-7, guard=2, basis=40)
 
 def elliptic(kind, edge, grid, law, ratio=1.5, quarter=False) -> GridProblem:
     """A tip without symmetry about the diagonal."""
-    lattice = Lattice(kind, edge, grid, quarter)
-    x = lattice.axis[: lattice.inside]
+    lattice = Lattice(kind, (edge, edge), (grid, grid), quarter)
+    x = lattice.axes[0][: lattice.inside[0]]
     return GridProblem(lattice, lattice.fill(x[:, None] ** 2 / 2 + ratio * x**2 / 2), law)
 
 
 def periodic_stiffness(lattice: Lattice) -> np.ndarray:
     """K_d as a matrix, column by column: |q|/2, and 1/(C L²) for the mean, with C of the images of a point force."""
-    n = lattice.grid
-    q = 2 * np.pi * np.fft.fftfreq(n, lattice.edge / n)
+    n = lattice.nodes[0]
+    q = 2 * np.pi * np.fft.fftfreq(n, lattice.edges[0] / n)
     symbol = np.hypot(q[:, None], q) / 2
-    symbol[0, 0] = np.pi / (IMAGE_SUM * lattice.edge)
+    symbol[0, 0] = np.pi / (IMAGE_SUM * lattice.edges[0])
     columns = np.fft.ifft2(symbol * np.fft.fft2(np.eye(n * n).reshape(-1, n, n))).real
     return columns.reshape(n * n, n * n).T
 
@@ -42,8 +42,8 @@ def periodic_stiffness(lattice: Lattice) -> np.ndarray:
 @pytest.mark.parametrize("kind", ["periodic", "free"])
 def test_elasticity_of_a_quarter_is_that_of_the_whole_lattice(kind):
     """The same field, whole and by its quarter; in free space K̂ itself is known to nine digits."""
-    lattice, whole = Lattice(kind, 5.0, 16), Lattice(kind, 5.0, 16, quarter=False)
-    values = np.random.default_rng(3).standard_normal((lattice.size, lattice.size))
+    lattice, whole = Lattice(kind, (5.0, 5.0), (16, 16)), Lattice(kind, (5.0, 5.0), (16, 16), quarter=False)
+    values = np.random.default_rng(3).standard_normal(lattice.shape)
     own, other = lattice.transform(Counter()), whole.transform(Counter())
     found = own.filter(lattice.symbol * own.normalisation, values)
     expected = other.filter(whole.symbol * other.normalisation, lattice.unfold(values))
@@ -66,7 +66,7 @@ def state(request):
     """A state, and what is known of it."""
     offset, factor, radius = request.param
     problem = elliptic("periodic", 6.0, 16, cb.Gauss(-1.0, 0.5))
-    x = problem.lattice.axis
+    x = problem.lattice.axes[0]
     gap = offset + factor * (x[:, None] ** 2 / 2 + x**2)
     contact = np.hypot(x[:, None], x) < radius
     u = np.where(contact, 0.0, gap) - problem.heights
@@ -96,7 +96,7 @@ def test_eigenvalues_are_those_of_a_dense_matrix(state):
 def test_a_quarter_has_the_even_modes(state):
     problem, found = state
     quarter = elliptic("periodic", 6.0, 16, problem.law, quarter=True)
-    half = problem.lattice.grid // 2
+    half = problem.lattice.nodes[0] // 2
     fields = found.fields._replace(stiffness=found.fields.stiffness[half:, half:])
     even = Stability(quarter).spectrum(replace(found, fields=fields, contact=found.contact[half:, half:]), EXACT)
     whole = Stability(problem).spectrum(found, EXACT, count=6)
@@ -121,7 +121,7 @@ def test_index_is_the_inertia_under_both_controls(state):
     problem, found = state
     held, _ = dense(problem, found)
     lattice = problem.lattice
-    free_mean = held - np.full_like(held, np.pi / (IMAGE_SUM * lattice.edge) / lattice.grid**2)
+    free_mean = held - np.full_like(held, np.pi / (IMAGE_SUM * lattice.edges[0]) / lattice.nodes[0] ** 2)
     index = morse(problem, found)
     assert index.displacement == (np.linalg.eigvalsh(held) < 0).sum()
     assert index.load == (np.linalg.eigvalsh(free_mean) < 0).sum()
@@ -133,10 +133,10 @@ def test_slope_is_that_of_the_dense_system(state):
     problem, found = state
     held, _ = dense(problem, found)
     lattice = problem.lattice
-    compliance = IMAGE_SUM / (np.pi * lattice.edge)
-    matrix = held - np.full_like(held, 1.0 / (compliance * lattice.edge**2 * lattice.grid**2))
-    x = np.linalg.solve(matrix, np.full(len(matrix), -1.0 / lattice.edge**2))
-    rate = 1.0 / (compliance - x.sum() / lattice.grid**2)
+    compliance = IMAGE_SUM / (np.pi * lattice.edges[0])
+    matrix = held - np.full_like(held, 1.0 / (compliance * lattice.edges[0] ** 2 * lattice.nodes[0] ** 2))
+    x = np.linalg.solve(matrix, np.full(len(matrix), -1.0 / lattice.edges[0] ** 2))
+    rate = 1.0 / (compliance - x.sum() / lattice.nodes[0] ** 2)
     assert slope(problem, found) == pytest.approx(rate, rel=1e-6)
     index = morse(problem, found, rate)
     assert index.spring(0.0) == index.load

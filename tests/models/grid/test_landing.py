@@ -13,8 +13,8 @@ from contbranch.models.grid.problem import GridProblem
 
 
 def parabola(kind, edge, grid, law, quarter=True):
-    lattice = Lattice(kind, edge, grid, quarter)
-    x = lattice.axis[: lattice.inside]
+    lattice = Lattice(kind, (edge, edge), (grid, grid), quarter)
+    x = lattice.axes[0][: lattice.inside[0]]
     return GridProblem(lattice, lattice.fill(0.5 * (x[:, None] ** 2 + x[None, :] ** 2)), law)
 
 
@@ -172,8 +172,8 @@ def test_detachment_and_too_few_steps_are_reported(attraction):
 
 def test_everything_in_contact():
     """A flat at rest on the wall: no node is free, nothing can be unstable."""
-    lattice = Lattice("periodic", 4.0, 16)
-    problem = GridProblem(lattice, np.zeros((lattice.size, lattice.size)), cb.Exponential(1.0, 0.5))
+    lattice = Lattice("periodic", (4.0, 4.0), (16, 16))
+    problem = GridProblem(lattice, np.zeros(lattice.shape), cb.Exponential(1.0, 0.5))
     state = land(problem, np.full(problem.shape, 0.5), Hold(1.0))
     assert state.converged
     assert state.contact.all()

@@ -20,7 +20,7 @@ def test_influence_is_that_of_the_transforms(kind, quarter):
     problem = paraboloid(kind, 8.0, 32, quarter=quarter)
     random = np.random.default_rng(1)
     sizes = np.repeat([8, 4, 2, 1], 3)
-    corners = [sizes * random.integers(0, problem.lattice.inside // sizes) for _ in range(2)]
+    corners = [sizes * random.integers(0, problem.lattice.inside[0] // sizes) for _ in range(2)]
     spots = [np.s_[x : x + s, y : y + s] for s, x, y in zip(sizes, *corners, strict=True)]
     expected = np.empty((sizes.size, sizes.size))
     for column, source in enumerate(spots):

@@ -14,7 +14,6 @@ import contbranch as cb
 from contbranch.models.grid import observables
 from contbranch.models.grid.contact_area import contact_area
 from contbranch.models.grid.lattice import IMAGE_SUM, Lattice
-from contbranch.models.grid.transforms import wavenumbers
 from studies.paper import fig04
 
 
@@ -57,8 +56,9 @@ def test_sums_over_images():
 
 def test_elasticity_is_positive_in_free_space():
     # E|q|/2 within 10 %, though the kernel ends at the edge of a square.
-    lattice = Lattice("free", 3.0, 128, quarter=False)
-    symbol, half = lattice.symbol, 0.5 * wavenumbers(lattice.size, lattice.spacing, False)
+    lattice = Lattice("free", (3.0, 3.0), (128, 128), quarter=False)
+    twice = Lattice("periodic", (6.0, 6.0), (256, 256), quarter=False)
+    symbol, half = lattice.symbol, twice.symbol
     assert symbol[0, 0] == 0.0
     half[0, 0] = symbol[0, 0] = 1.0
     assert np.abs(symbol / half - 1.0).max() < 0.1
@@ -70,7 +70,7 @@ def moved_in_free_space(pressure):
     """Displacements of the nodes of a cell of edge 1 in free space, which bear a pressure, by its transform."""
     grid = len(pressure)
     whole = np.pad(pressure, (0, grid))
-    moved = np.fft.irfft2(np.fft.rfft2(whole) / Lattice("free", 1.0, grid, quarter=False).held_symbol)
+    moved = np.fft.irfft2(np.fft.rfft2(whole) / Lattice("free", (1.0, 1.0), (grid, grid), quarter=False).held_symbol)
     return moved[:grid, :grid]
 
 
@@ -99,7 +99,7 @@ def test_displacement_field_of_hertz():
     # w = [(2a² - r²) arcsin(a/r) + a √(r² - a²)]/π outside, a² - r²/2 inside (Johnson, Contact Mechanics, 3.4); d = a².
     problem = paraboloid("free", 7.0, 224)
     equilibrium = solved(problem, 4.0 / 3.0)
-    axis = problem.lattice.axis[: problem.lattice.inside]
+    axis = problem.lattice.axes[0][: problem.lattice.inside[0]]
     r = np.hypot(axis[:, None], axis[None, :])
     outside = np.maximum(r, 1.0)
     field = ((2.0 - r**2) * np.arcsin(1.0 / outside) + np.sqrt(outside**2 - 1.0)) / math.pi
@@ -122,7 +122,9 @@ def test_central_gap_without_contact():
     assert error < 1e-7
     # Between the nodes, and at them.
     lattice, u = problem.lattice, equilibrium.u
-    assert observables.interpolate(lattice, u, lattice.axis[3], lattice.axis[40]) == pytest.approx(u[3, 40], abs=1e-12)
+    assert observables.interpolate(lattice, u, lattice.axes[0][3], lattice.axes[0][40]) == pytest.approx(
+        u[3, 40], abs=1e-12
+    )
     near = problem.heights[0, 0] + u[0, 0]
     assert gap < near == observables.smallest_gap(equilibrium)
 
@@ -233,7 +235,7 @@ def test_quarter_and_whole_are_the_same(kind):
     start = axisymmetric_start(whole, state)
     if kind == "free":
         # The array's padding lies on one side: distances across its border.
-        axis = (whole.lattice.axis + 14.0) % 28.0 - 14.0
+        axis = (whole.lattice.axes[0] + 14.0) % 28.0 - 14.0
         r = np.hypot(axis[:, None], axis[None, :])
         start = np.interp(r, state.r, state.gap - 0.5 * state.r**2)
     first, second = solved(quarter, 2.0, first.u, 1e-13), solved(whole, 2.0, start, 1e-13)
@@ -245,7 +247,7 @@ def test_quarter_and_whole_are_the_same(kind):
         shapes = observables.profile(problem, equilibrium)
         measured.append(
             [
-                *(area.radius, area.radius_error, area.from_pairs, area.from_pressure, area.from_gap, area.nodes),
+                *(area.radius, area.radius_error, area.perimeter, area.nodes),
                 *(equilibrium.displacement, far, *gap),
                 *(observables.mean_gap(problem, equilibrium), problem.total_energy(equilibrium.fields)),
                 *(shapes.gap.sum(), shapes.pressure.sum(), shapes.r.size),

@@ -72,7 +72,7 @@ def test_a_fold_that_is_missing_contradicts(parabola):
 @pytest.mark.parametrize("kind", ["periodic", "free"])
 def test_quarter_and_whole_lattice_agree(kind):
     """The same held states from the same starts: load and displacement to 1e-10, contact and film."""
-    setup = Setup(ROUND, kind, EDGE, 32)
+    setup = Setup(ROUND, kind, (EDGE, EDGE), (32, 32))
     whole = setup.whole()
     settings = Settings(tolerance=1e-12)
     for load, weights, value in ((9.0, (1.0, 0.0), 9.0), (2.0, (0.0, 1.0), 1.0), (12.0, (1.0, 0.0), 12.0)):
