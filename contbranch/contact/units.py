@@ -248,7 +248,7 @@ class Units:
         if not self.physical:
             return {}
         lengths = ("displacement", "contact_radius", "central_gap", "mean_gap", "gap", "radius")
-        names = {"load": "force", **dict.fromkeys(lengths, "length"), "energy": "energy"}
+        names = {"load": "force", **dict.fromkeys(lengths, "length"), "energy": "energy", "cell_energy": "energy"}
         names |= {"contact_area": "area", "contact_perimeter": "length"}
         names |= {"pressure": "pressure", "stiffness": "stiffness", "dissipated": "energy"}
         return {name: _DIMENSIONS[dimension][0] for name, dimension in names.items()}
@@ -325,7 +325,7 @@ class Scales:
         """The unit of every quantity by the name that results give it."""
         return {
             "load": self.load,
-            "energy": self.energy,
+            **dict.fromkeys(("energy", "cell_energy"), self.energy),
             **dict.fromkeys(("pressure", "wall_pressure"), self.pressure),
             "contact_area": self.in_plane**2,
             **dict.fromkeys(("contact_radius", "contact_perimeter", "r", "x", "y"), self.in_plane),

@@ -105,6 +105,7 @@ def _branch(track: Track, unstable: Mapping[Control, Integers], breaking: Breaki
             "fft_pairs": np.array(pairs, dtype=np.int64),
             "contact_area": np.pi * columns["contact_radius"] ** 2,
             "contact_perimeter": np.array(rim),
+            **{name: track.column(name) for name in ("mean_gap", "cell_energy") if name in points[0].observables},
         }
     examined = bool(breaking.counts)
     has_eigenvalues = examined and has_modes(track) and track.problem(0).refinable

@@ -76,6 +76,9 @@ class State(Record):
         They do not depend on the control. Modes up to m = 32 are counted (a trace: up to its `modes`).
     mean_gap : float or None
         Mean of the gap over the cell, of grid models.
+    cell_energy : float or None
+        Energy of a periodic cell by itself. `displacement` is that of the far field of a single contact, C F more than
+        that of the cell's mean plane, and `energy` C F²/2 more than that of the cell (C: `docs/grid.md`).
     in_cell : CellFields, callable or None
         Fields on the nodes of the cell, or what computes them: ask for them as ``state.cell``.
     """
@@ -93,6 +96,7 @@ class State(Record):
     unstable_spring: int | None = described(written="if known", default=None)
     unstable_azimuthal: int = 0
     mean_gap: float | None = described(written="if known", default=None)
+    cell_energy: float | None = described(written="if known", default=None)
     in_cell: CellFields | Callable[[], CellFields] | None = described(
         written=False, computed=lambda state: None if state.in_cell is None else state.cell, default=None
     )
@@ -312,6 +316,8 @@ class Branch(Record):
         Pairs of transforms spent on each point by a grid model.
     contact_area, contact_perimeter : array (M,) or None
         Area of the contact and length of its rim, of grid models; `contact_radius` is there √(area/π).
+    mean_gap, cell_energy : array (M,) or None
+        Of periodic cells, as of a `State`.
     """
 
     load: Array
@@ -339,6 +345,8 @@ class Branch(Record):
     fft_pairs: Integers | None = described(written="if known", default=None)
     contact_area: Array | None = described(written="if known", default=None)
     contact_perimeter: Array | None = described(written="if known", default=None)
+    mean_gap: Array | None = described(written="if known", default=None)
+    cell_energy: Array | None = described(written="if known", default=None)
 
     def __len__(self) -> int:
         return len(self.load)
@@ -352,9 +360,9 @@ class Branch(Record):
         """Point `i` with its profile: r, gap, pressure and wall_pressure."""
         names = (*OBSERVABLES, "energy", "unstable_load", "unstable_displacement")
         known: Values = {name: getattr(self, name)[i].item() for name in names}
-        for name in ("unstable_spring", "unstable_azimuthal"):
+        for name in ("unstable_spring", "unstable_azimuthal", "mean_gap", "cell_energy"):
             if getattr(self, name) is not None:
-                known[name] = int(getattr(self, name)[i])
+                known[name] = getattr(self, name)[i].item()
         return State(
             **known,
             residual=0.0,

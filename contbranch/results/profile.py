@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from contbranch.arrays import Array, Flags
+from contbranch.arrays import Array, Flags, Integers
 from contbranch.results.record import Record, described, record
 
 # Pressures below this share of the largest are not worth being shown, around a tip that stands alone.
@@ -70,6 +70,26 @@ class CellFields(Record):
     gap: Array
     pressure: Array
     wall_pressure: Array
+
+    def patches(self, periodic: bool = True) -> Integers:
+        """Nodes of every connected patch of contact, the largest first; nodes are connected along rows and columns.
+
+        Parameters
+        ----------
+        periodic
+            Whether a patch goes on across the border of the cell.
+        """
+        from scipy.ndimage import label  # slow to import, and seldom needed
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        labels, count = label(self.gap <= 0.0)
+        borders = np.hstack([[labels[0], labels[-1]], [labels[:, 0], labels[:, -1]]])
+        first, last = borders[:, (borders > 0).all(axis=0) & periodic]
+        graph = coo_array((np.ones(first.size), (first, last)), (count + 1, count + 1))
+        patches = connected_components(graph, directed=False)[1]
+        sizes = np.bincount(patches[labels[labels > 0]])
+        return np.sort(sizes[sizes > 0])[::-1]
 
     def shown(self, nodes: int | None = None) -> CellFields:
         """The part with pressure, as it is, or at `nodes` nodes a side or fewer and in single precision."""

@@ -23,7 +23,7 @@ from contbranch.results.table import joined
 KEEP = ("thresholds", "curves", "profiles")
 _POINT = ("load", "displacement", "contact_radius", "central_gap", "energy", "unstable_load",
                  "unstable_displacement", "unstable_spring", "unstable_azimuthal", "contact_area",
-                 "contact_perimeter")  # fmt: skip
+                 "contact_perimeter", "mean_gap", "cell_energy")  # fmt: skip
 
 
 class Outcome(NamedTuple):

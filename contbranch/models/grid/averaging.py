@@ -34,6 +34,7 @@ from contbranch.curve.problem import STEPS, Defect, EquilibriumProblem, Four, Ra
 from contbranch.curve.trace import END_FACTOR, LEAST_END
 from contbranch.results.profile import Profile
 
+from .contact_area import FEW, rim_noise
 from .corners import ZERO_MARGIN, Corners, Way
 from .judged import OnNodes
 from .measure import Direction, Measure
@@ -70,8 +71,8 @@ _LAGRANGE = np.stack([(1 - _NODES) * (1 - 2 * _NODES), 4 * _NODES * (1 - _NODES)
 _SLOPES = np.stack([4 * _NODES - 3, 4 - 8 * _NODES, 4 * _NODES - 1])
 # Rows of nodes beside a fold over which its curvature is told.
 GRAIN = 1.5
-# Error of the contact radius itself, in rows of nodes, and pieces that what is fitted takes off the scatter.
-MEASURED, FITTED = 0.03, 3.0
+# Pieces that what is fitted takes off the scatter.
+FITTED = 3.0
 # Scatters that an energy may be off.
 SCATTERS = 3.0
 
@@ -353,7 +354,9 @@ class AveragedProblem(OnNodes):
         """The values, and the length of the rim."""
         order = np.argsort(self.samples.radius)
         perimeter = float(np.interp(p, self.fit.radius[order], np.array(self.samples.perimeters)[order]))
-        return self.values(x, p)._asdict() | {"perimeter": perimeter, "fft_pairs": float(self.state(p).pairs)}
+        seen = self.values(x, p)
+        own = self.setup.of_cell(seen.load, seen.displacement, seen.energy)
+        return seen._asdict() | own | {"perimeter": perimeter, "fft_pairs": float(self.state(p).pairs)}
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Of the average."""
@@ -372,20 +375,34 @@ class AveragedProblem(OnNodes):
         """What the scatter of the pieces, the radius, and first touch leave open, and the cell does."""
         fit, spacing = self.fit, self.fit.spacing
         error = np.array([np.interp(p, fit.centres, own) for own in fit.scatter[:, :2].T])
-        error += MEASURED * spacing * np.abs(fit.curve(p, 1)[:2])
+        error += self._by_radii(p)[:2]
         error *= max(1.0, self.lattice.resolution.ratio)
-        # What is wrong with the film at first touch is felt over some rows.
-        error += np.nan_to_num(self.lattice.touch_error / (1.0 + (p / spacing) ** 2), posinf=0.0)
+        # What is wrong with the film at first touch, and with contacts of a node, is felt over some rows.
+        first = 1.0 / (1.0 + (p / spacing) ** 2)
+        error += np.nan_to_num(self.lattice.touch_error * first, posinf=0.0)
         load, displacement, radius, _ = read(self.setup, self.nearest(p)).errors
-        return float(error[0]) + load, float(error[1]) + displacement, MEASURED * spacing + radius, 0.0
+        radius += (rim_noise(p / spacing) + FEW * first) * spacing
+        return float(error[0]) + load, float(error[1]) + displacement, radius, 0.0
 
     def energy_left_out(self, x: Array, p: float) -> float:
         """That of the interaction outside the cell."""
         return tail_energy(self.setup, self.nearest(p))
 
     def energy_scatter(self, x: Array, p: float) -> float:
-        """What the scatter of the pieces leaves of V − F d."""
-        return SCATTERS * float(np.interp(p, self.fit.centres, self.fit.scatter[:, 3]))
+        """What the scatter of the pieces, and the radius, leave of V − F d."""
+        return SCATTERS * float(np.interp(p, self.fit.centres, self.fit.scatter[:, 3])) + float(self._by_radii(p)[2])
+
+    def _by_radii(self, p: float) -> Array:
+        """What the errors of the radii make of load, displacement and V − F d.
+
+        They differ from piece to piece, so that what counts is how steep the curve is over the window.
+        """
+        fit = self.fit
+        half = fit.width * half_width(p, fit.spacing)
+        places = np.clip(p + half * np.array([-0.25, 0.0, 0.25]), fit.first, fit.last)
+        slopes = fit.curve(places, 1)
+        slopes[:, 2] -= fit.curve(p)[0] * slopes[:, 1]  # of V at the load that there is
+        return np.asarray(rim_noise(p / fit.spacing) * fit.spacing * np.abs(slopes).max(axis=0))
 
     def shared(self, point: Point) -> tuple[float, float]:
         """What the cell leaves out."""

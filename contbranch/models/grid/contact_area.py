@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.ndimage import correlate1d
@@ -22,7 +23,7 @@ from contbranch.arrays import Array
 from .newton import Equilibrium
 from .problem import GridProblem
 
-__all__ = ["ContactArea", "contact_area"]
+__all__ = ["FEW", "ContactArea", "contact_area", "rim_noise"]
 
 # Smoothing of the contact's indicator whose gradient is the normal of the rim: binomial, of a width of two nodes.
 SMOOTHING = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
@@ -33,10 +34,11 @@ CLOSE, STEPS = 1e-6, 12
 # Nodes of a contact from which on, and to which beyond, its rim is divided between the lines of both directions by the
 # angle at which it crosses them, not in halves.
 HALVES, ANGLES = 12.0, 60.0
-# Error of the place of the rim in spacings: of any contact, where the law is as stiff as a wave over eight nodes in
-# addition (measured with all laws in contacts of 5 to 30 spacings, against the axisymmetric model), and of a contact
-# of one spacing, with the power with which it falls: few nodes carry their load on a disc that the lattice chooses.
-ANYWHERE, STIFF, FEW, FEW_POWER = 0.05, 0.1, 0.5, 1.8
+# Error of the place of the rim in spacings: of a contact with a radius of so many of them, falling with its root; where
+# the law is as stiff as a wave over eight nodes in addition (measured with all laws in contacts of 4 to 33 spacings,
+# against Hertz and the axisymmetric model); and of a contact of one spacing, with the power with which it falls: few
+# nodes carry their load on a disc that the lattice chooses.
+NOISE, RADIUS, STIFF, FEW, FEW_POWER = 0.022, 32.0, 0.1, 0.5, 1.8
 
 
 @dataclass(frozen=True)
@@ -79,18 +81,25 @@ def contact_area(problem: GridProblem, equilibrium: Equilibrium) -> ContactArea:
     rim = lattice.node_area * float(np.sum(weights / (distances * np.maximum(cosines, STEEPER))))
     spacing, stiffness = lattice.spacing, np.abs(np.where(contact, 0.0, equilibrium.fields.stiffness)).max()
     few = FEW * (0.5 * rim * spacing / area) ** FEW_POWER
-    error = rim * spacing * (ANYWHERE + STIFF * stiffness * 8.0 * spacing / math.pi + few)
+    # A circle has eight pairs for every spacing of its radius.
+    noise = rim_noise(cosines.size * lattice.multiplicity / 8.0)
+    error = rim * spacing * (noise + STIFF * stiffness * 8.0 * spacing / math.pi + few)
     radius = math.sqrt(area / math.pi)
     # Lines along x and y count a piece of the squares' rim |cos| and |sin| times; it is shrunk to the area.
     length = lattice.node_area * float(np.sum(cosines / distances)) * math.sqrt(area / square)
     return ContactArea(radius, error / (2.0 * math.pi * radius), area, error, nodes, length)
 
 
+def rim_noise(radius: float) -> float:
+    """Error of the place of the rim of a contact with a radius, all in spacings, that is the lattice's alone."""
+    return NOISE * math.sqrt(RADIUS / max(radius, 1.0))
+
+
 def _pairs(problem: GridProblem, equilibrium: Equilibrium) -> tuple[Array, Array, Array]:
     """Of the pairs of neighbours at the rim the distance, the cosine between their line and the rim's normal, and where
     the rim lies between the node in contact, 0, and the free one, 1."""
     lattice, contact, gap = problem.lattice, equilibrium.contact, equilibrium.fields.gap
-    beyond = "reflect" if lattice.quarter else "wrap"
+    beyond: Literal["reflect", "wrap"] = "reflect" if lattice.quarter else "wrap"
     smooth = contact.astype(np.float64)
     for axis in (0, 1):
         smooth = correlate1d(smooth, SMOOTHING, axis, mode=beyond)

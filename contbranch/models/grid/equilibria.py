@@ -12,7 +12,7 @@ import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import numpy as np
@@ -396,7 +396,8 @@ class LatticeProblem(OnNodes):
     def observables(self, x: Array, p: float) -> Mapping[str, float]:
         """The values, the length of the rim, and the pairs of transforms that the state took."""
         seen = dict(zip((*Values._fields, "perimeter"), self.reading(x, p), strict=False))
-        return seen | {"fft_pairs": float(self.state(x, p).pairs)}
+        own = self.setup.of_cell(seen["load"], seen["displacement"], seen["energy"])
+        return seen | own | {"fft_pairs": float(self.state(x, p).pairs)}
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Of load, displacement and gap; a contact grows by nodes, and has no rate."""
@@ -432,7 +433,9 @@ class LatticeProblem(OnNodes):
     def described(self, x: Array, p: float) -> Mapping[str, Any]:
         """Mean gap and the fields on the nodes."""
         state, centred = self.state(x, p), self.setup.centred
-        return {"mean_gap": mean_gap(self.nodes, state), "in_cell": lambda: cell_fields(self.nodes, state, centred)}
+        own = self.setup.of_cell(state.load, state.displacement, self.nodes.total_energy(state.fields))
+        fields = partial(cell_fields, self.nodes, state, centred)
+        return {"mean_gap": mean_gap(self.nodes, state), "cell_energy": own.get("cell_energy"), "in_cell": fields}
 
     # -- other lattices -----------------------------------------------------------------------------------------------
     @cached_property

@@ -78,6 +78,23 @@ class Setup:
                 raise InputError("grid: no node of it lies under the tip; take a finer grid or a smaller cell")
         return GridProblem(lattice, lattice.fill(heights), self.law, self.threads, self.counter)
 
+    def of_cell(self, load: float, displacement: float, energy: float) -> dict[str, float]:
+        """What a state is in a periodic cell by itself: the mean gap, and the energy without C F²/2.
+
+        The displacement, and with it the energy, is otherwise that of the far field of a single contact. Nothing in
+        free space, or where the tip ends.
+        """
+        compliance = self.lattice.compliance
+        if self.kind == "free" or not np.isfinite(self.mean_height):
+            return {}
+        gap = self.mean_height + compliance * load - displacement
+        return {"mean_gap": gap, "cell_energy": energy - 0.5 * compliance * load**2}
+
+    @cached_property
+    def mean_height(self) -> float:
+        """Mean of the tip's heights over the cell."""
+        return float(self.problem.heights[self.lattice.cell].mean())
+
     @cached_property
     def law(self) -> Interaction | None:
         """The contact's law as the lattice represents it."""

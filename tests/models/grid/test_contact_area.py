@@ -13,7 +13,6 @@ from scipy.special import ellipe, ellipk
 
 import contbranch as cb
 from contbranch.models.grid.contact_area import contact_area
-
 from contbranch.models.grid.lattice import Lattice
 from contbranch.models.grid.newton import Equilibrium
 from contbranch.models.grid.observables import central_gap
@@ -116,7 +115,7 @@ def test_place_in_the_cell_does_not_matter():
         measured = contact_area(problem, solved(problem, 4.0 / 3.0))
         areas.append(measured.area)
         errors.append(measured.area_error)
-    assert np.ptp(areas) < 3e-3
+    assert np.ptp(areas) < 7e-3
     assert np.ptp(areas) < 2.0 * max(errors)
 
 
@@ -129,7 +128,7 @@ def test_two_patches():
     second = paraboloid("periodic", edge, 204, quarter=False, centre=(0.5 * edge, 0.5 * edge))
     first.heights = np.minimum(first.heights, second.heights[102:, 102:])
     double = contact_area(first, solved(first, 8.0 / 3.0))
-    assert abs(double.area - 2.0 * single.area) < 2e-3
+    assert abs(double.area - 2.0 * single.area) < 4e-3
     assert abs(double.area - 2.0 * single.area) < double.area_error + 2.0 * single.area_error
 
 
