@@ -82,8 +82,8 @@ def bifurcation_diagram(
     ----------
     diagram : Diagram
     x, y : str
-        Two of ``load``, ``displacement``, ``contact_radius``, ``central_gap`` and ``energy``; for a diagram of a spring
-        also ``piezo`` (its far end, d + F/K) and ``deflection`` (F/K).
+        Two of ``load``, ``displacement``, ``contact_radius``, ``contact_area``, ``central_gap`` and ``energy``; for a
+        diagram of a spring also ``piezo`` (its far end, d + F/K) and ``deflection`` (F/K).
     ax : matplotlib.axes.Axes, optional
         Where to draw, beside what is there already, in the style of those axes; default: a figure of its own.
     labels : bool

@@ -16,6 +16,7 @@ Columns = dict[str, Array]
 
 COORDINATES = ("load", "displacement", "contact_radius", "central_gap", "energy")
 OF_SPRINGS = ("piezo", "deflection")
+AREA = "contact_area"
 
 _FINE = 24  # points drawn for each step of the trace
 
@@ -61,6 +62,7 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
     events = [e for e in diagram.events if e.branch == number and e.kind in ("fold", "touch")]
     knots, position, unstable, touches = _knots(diagram, branch, events)
     if len(position) < 2:
+        knots[AREA] = np.pi * knots["contact_radius"] ** 2
         return Line(knots, np.zeros(len(position), dtype=np.int64), position, np.zeros(0, dtype=bool))
     length = _arc_length(knots, events)
     steps = np.arange(len(position) - 1)
@@ -85,6 +87,7 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
         fine_coordinate = smooth(length[part], coordinate[part], at[here])
         columns["contact_radius"][here] = np.sqrt(np.maximum(fine_coordinate, 0.0))
         columns["central_gap"][here] = np.maximum(-fine_coordinate, 0.0)
+    columns[AREA] = np.pi * columns["contact_radius"] ** 2
     if diagram.stiffness:
         columns["deflection"] = columns["load"] / diagram.stiffness
         columns["piezo"] = columns["displacement"] + columns["deflection"]
@@ -94,6 +97,8 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
 
 def observable(source: Any, name: str, stiffness: float | None) -> Any:
     """An observable of an event, a state or a path."""
+    if name == AREA:
+        return np.pi * source.contact_radius**2
     if name in OF_SPRINGS:
         deflection = source.load / (stiffness or np.inf)
         return deflection if name == "deflection" else source.displacement + deflection

@@ -20,7 +20,7 @@ from matplotlib.ticker import MaxNLocator
 from contbranch.arrays import Array, Flags
 from contbranch.contact.contact import Contact
 from contbranch.errors import InputError, look_up
-from contbranch.output.plot_curve import COORDINATES, OF_SPRINGS, Line, coordinate
+from contbranch.output.plot_curve import AREA, COORDINATES, OF_SPRINGS, Line, coordinate
 from contbranch.results.diagram import Diagram
 from contbranch.results.record import Result, UnitNames
 
@@ -69,6 +69,7 @@ _AXES = {
     "load": ("Load", "F_N", r"R\,|\Delta\gamma|"),
     "displacement": ("Displacement", "d", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
     "contact_radius": ("Contact radius", "a_c", r"(R^2|\Delta\gamma|/E)^{1/3}"),
+    "contact_area": ("Contact area", "A_c", r"(R^2|\Delta\gamma|/E)^{2/3}"),
     "central_gap": ("Central gap", "g(0)", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
     "piezo": ("Position of the spring", "d + F_N/K", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
     "deflection": ("Deflection", "F_N/K", r"(R\,|\Delta\gamma|^2/E^2)^{1/3}"),
@@ -236,7 +237,7 @@ def has_natural_units(contact: Contact) -> bool:
 def check_observables(x: str, y: str, stiffness: float | None) -> None:
     """Raise InputError unless both can be drawn; those of springs need the stiffness of one."""
     for field, name in (("x", x), ("y", y)):
-        look_up(name, dict.fromkeys((*COORDINATES, *OF_SPRINGS)), field)
+        look_up(name, dict.fromkeys((*COORDINATES, AREA, *OF_SPRINGS)), field)
         if name in OF_SPRINGS and not stiffness:
             raise InputError(
                 f"{field}: {name!r}; there is no spring here: compute it with control=cb.Spring(stiffness)"
@@ -252,7 +253,7 @@ def view(diagram: Diagram, lines: Sequence[Line], x: str, y: str) -> Limits | No
     """
     if not any(_positions(diagram, number) for number in range(len(lines))):
         return None
-    bounds = {name for name in (x, y) if name not in ("contact_radius", "energy", *OF_SPRINGS)} | {"load"}
+    bounds = {name for name in (x, y) if name not in ("contact_radius", "energy", AREA, *OF_SPRINGS)} | {"load"}
     windows = {name: _window(diagram, lines, name) for name in bounds}
     limits = []
     inside = [np.logical_and.reduce([(low <= line.columns[name]) & (line.columns[name] <= high)
