@@ -114,6 +114,7 @@ def solve(
     load: Quantity = None,
     displacement: Quantity = None,
     contact_radius: Quantity = None,
+    mean_gap: Quantity = None,
     near: State | None = None,
     control: str | Spring | None = None,
     accuracy: float = 1e-6,
@@ -121,13 +122,15 @@ def solve(
     progress: Progress | None = None,
     time_limit: float | None = None,
 ) -> Solution:
-    """Find the equilibrium at a load, displacement or contact radius (exactly one of them, in the contact's units).
+    """Find the equilibrium at a load, displacement, contact radius or mean gap (one of them, in the contact's units).
 
     Where several exist, the stable one that is lowest in energy − F d (load) or in energy (displacement) is returned,
     or the one closest to `near`; all of them are in ``solution.states``.
 
     Parameters
     ----------
+    mean_gap : float, optional
+        Mean gap of a periodic cell, which a grid can hold.
     near : State, optional
         A state whose nearest relative is wanted instead of the lowest. On a grid a state of the same grid is the start.
     control : {"load", "displacement"} or Spring, optional
@@ -145,10 +148,11 @@ def solve(
     ModelError
         If the computation failed.
     """
-    field, value = _only(contact, load=load, displacement=displacement, contact_radius=contact_radius)
+    known = {"load": load, "displacement": displacement, "contact_radius": contact_radius, "mean_gap": mean_gap}
+    field, value = _only(contact, **known)
     if near is not None and not isinstance(near, State):
         raise InputError(f"near: {type(near).__name__}; must be a State, such as a solution or a branch's state")
-    held = control or ("displacement" if field == "displacement" else "load")
+    held = control or ("displacement" if field in ("displacement", "mean_gap") else "load")
     with _watched(progress, time_limit) as watch:
         asked = _ask(contact, held, accuracy, model)
         unit = contact.scales.of_fields[field]

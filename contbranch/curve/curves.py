@@ -278,6 +278,8 @@ class FollowedCurves:
         InputError
             If the value is out of range whatever the curve does.
         """
+        if field not in CONTROLS:
+            raise InputError(f"{field}: only that of a periodic cell can be held; give model='periodic'")
         control: Control | None = CONTROLS[field]
         if control is None and not 0 < value < self.reduced.axisymmetric_tip.extent:
             raise InputError(f"contact_radius: {value:g}; must be greater than zero (and within the tip)")

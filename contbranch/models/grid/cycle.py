@@ -42,6 +42,7 @@ __all__ = ["cycle"]
 # Columns of the rows of a cycle.
 OTHERS = ("energy", "mean_gap", "residual")
 COLUMNS = (*OBSERVABLES, *OTHERS, "direction", "jump", "dissipated", "error")
+JUMP = COLUMNS.index("jump")
 # Nodes up to which the fields of the states before and behind jumps are kept in memory, 2 MB each.
 KEPT_NODES = 512**2
 # Steps below zero load in which an attractive contact must have come apart, in those up to the largest load.
@@ -72,11 +73,11 @@ def cycle(
     InputError
         If the file is one of another cycle.
     """
-    own, reason = _Cycle(setup, control.scaled(contact.scales.stiffness), largest, steps), ""
+    driven, reason = control.scaled(contact.scales.stiffness), ""
     with _Journal(file, setup, f"{contact.describe()} {control} {largest} {steps}") as journal:
         try:
             with quietly():
-                reason = own.run(journal)
+                reason = _Cycle(setup, driven, largest, steps).run(journal)
         except INTERRUPTIONS as error:
             caught(error)
     return _loop(setup, contact, control, journal, reason)
@@ -104,7 +105,7 @@ class _Cycle:
     def _pressed(self, load: float) -> Equilibrium:
         """The state in contact at a load."""
         found = land(
-            self.nodes, trials(self.setup, "load", load)[0].u, control_held(self.nodes, LOAD, load), self.tolerance
+            self.nodes, trials(self.setup, LOAD, load)[0].u, control_held(self.nodes, LOAD, load), self.tolerance
         )
         if not found.converged:
             raise ModelError(
@@ -227,6 +228,8 @@ class _Journal:
             self.file.flush()
         if state.u.size <= KEPT_NODES:
             self.fields[k] = state.slim()
+        if k and not row[JUMP] and not self.rows[-1][JUMP]:
+            self.fields.pop(k - 1, None)
         self.rows.append(row)
 
 

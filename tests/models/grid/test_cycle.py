@@ -73,6 +73,12 @@ def test_an_interrupted_cycle_goes_on_from_its_file(relaxed: cb.Hysteresis, tmp_
         cb.hysteresis(ROUGH, steps=31, file=file, **HOW)
 
 
+def test_a_limit_of_time_leaves_what_there_is() -> None:
+    found = cb.hysteresis(ROUGH, steps=30, time_limit=1e-3, **HOW)
+    assert (found.status, found.closed, found.jumps) == ("incomplete", False, ())
+    assert found.message.startswith("The time limit of 0.001 s was reached.")
+
+
 def test_under_load_the_surfaces_come_apart() -> None:
     found = cb.hysteresis(ROUGH, "load", max_load=0.1, method="relaxation", steps=10)
     assert (found.status, found.closed, found.dissipated) == ("complete", False, None)

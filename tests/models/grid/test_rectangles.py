@@ -144,3 +144,17 @@ def test_patches():
     assert sizes[0] == sizes[1] > 4
     assert sizes.sum() == np.count_nonzero(cell.gap <= 0.0)
     assert len(cell.patches(periodic=False)) == 4
+
+
+@pytest.mark.parametrize("law", [None, LAW, cb.Gauss(-0.02, 0.3)])
+def test_a_mean_gap_that_is_held(law):
+    rough = cb.HeightMap.self_affine(32, 10.0, 0.8, rms_slope=0.1, seed=1)
+    contact = cb.Contact(rough, law)
+    wanted = cb.solve(contact, load=0.2)
+    found = cb.solve(contact, mean_gap=wanted.mean_gap)
+    assert found.mean_gap == pytest.approx(wanted.mean_gap, rel=1e-9)
+    assert found.load == pytest.approx(wanted.load, rel=1e-6)
+    with pytest.raises(cb.InputError, match=r"^mean_gap: only that of a periodic cell under a tip"):
+        cb.solve(contact, mean_gap=0.1, model="free")
+    with pytest.raises(cb.InputError, match=r"^mean_gap: only that of a periodic cell can be held"):
+        cb.solve(cb.Contact.reduced("gauss", tabor=1.0), mean_gap=1.0)
