@@ -51,7 +51,7 @@ def test_grid_and_closed_forms():
     """A grid of 64² nodes has the pull-off load within its own estimate; JKR's theory is 10 % off at μ_T = 1."""
     subject = Subject("exponential", 1.0)
     row = speed_accuracy.measure(METHODS["free grid"], "64", subject, "folds", least=0.0)
-    assert row.errors["pull_off_load"] <= row.estimates["pull_off_load"] < 1e-3
+    assert row.errors["pull_off_load"] <= row.estimates["pull_off_load"] < 3e-3
     jkr = speed_accuracy.measure(METHODS["JKR"], "closed form", subject, "folds", least=0.0)
     assert jkr.errors["pull_off_load"] == pytest.approx(1.0 - 1.5 * math.pi / 5.227851609468, abs=1e-9)
 
