@@ -3,7 +3,8 @@
 Nodes are single at the rim of the contact and where the law is stiff, and gathered into squares of 2, 4 and 8 nodes a
 side as the solution becomes smooth. With the influence of a square on another, from the lattice's own response to a
 pressure (summed over the mirror images where fields are symmetric), the equations on the squares are a small dense
-matrix. It knows what no filter does: the contact, the localised softening next to its rim, the film.
+matrix, in single precision. It knows what no filter does: the contact, the localised softening next to its rim, the
+film.
 """
 
 from __future__ import annotations
@@ -81,17 +82,12 @@ class Influence:
         response = np.fft.irfft2(1.0 / whole.held_symbol, s=whole.shape)
         for axis in (0, 1):
             response = response.take(np.arange(self._widths[axis]) - self._reach[axis], axis, mode="wrap")
-        return response.astype(self._digits)
+        return response.astype(np.float32)
 
     @property
     def _wide(self) -> list[int]:
         """Axes along which there are several nodes."""
         return [axis for axis in (0, 1) if self.lattice.nodes[axis] > 1]
-
-    @property
-    def _digits(self) -> type:
-        """Of influences, and of what is factorised: half of them do on a quarter."""
-        return np.float32 if self.lattice.quarter else np.float64
 
     @property
     def _widths(self) -> tuple[int, int]:
@@ -113,7 +109,7 @@ class Influence:
         sources = [(x, y)]
         if self.lattice.quarter:
             sources += [(x, -y - sizes), (-x - sizes, y), (-x - sizes, -y - sizes)]
-        found: Array = np.empty((m, m), self._digits)
+        found: Array = np.empty((m, m), np.float32)
         edges = np.flatnonzero(np.diff(sizes, prepend=0, append=0))
         groups = [slice(int(begin), int(end)) for begin, end in pairwise(edges)]
         for k, b in enumerate(groups):
@@ -265,8 +261,7 @@ class Clusters:
 
     def _back(self, vector: Array) -> Array:
         # By LAPACK itself: what SciPy asks besides takes as long.
-        solve = scipy.linalg.lapack.sgetrs if self.influences.itemsize == 4 else scipy.linalg.lapack.dgetrs
-        return np.asarray(solve(*self._factors, vector, trans=1)[0], np.float64)
+        return np.asarray(scipy.linalg.lapack.sgetrs(*self._factors, vector, trans=1)[0], np.float64)
 
     def _inverse(self, vector: Array) -> Array:
         found, (columns, rows) = self._back(vector), self._low
