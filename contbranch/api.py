@@ -327,6 +327,8 @@ def hysteresis(
         if look_up(method, {"curve": False, "relaxation": True}, "method"):
             found = _relaxed(asked, request, steps, file)
             return watch.passed(replace(found, cost=asked.timed(found.cost), model=asked.choice(found.model.unknowns)))
+        if file is not None:
+            raise InputError("file: only relaxation keeps its states in one; give method='relaxation', or leave it out")
         route = asked.answer(partial(asked.curves.path, request), Route())
         curve = route.curve
         asked.refuse_below(request, curve)

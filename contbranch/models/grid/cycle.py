@@ -74,7 +74,8 @@ def cycle(
         If the file is one of another cycle.
     """
     driven, reason = control.scaled(contact.scales.stiffness), ""
-    with _Journal(file, setup, f"{contact.describe()} {control} {largest} {steps}") as journal:
+    lattice = f"{setup.kind} {setup.edges} {setup.nodes}"
+    with _Journal(file, setup, f"{contact.describe()} {lattice} {control} {largest} {steps}") as journal:
         try:
             with quietly():
                 reason = _Cycle(setup, driven, largest, steps).run(journal)
@@ -187,10 +188,12 @@ class _Journal:
     def __enter__(self) -> _Journal:
         if self.path is None:
             return self
-        self.file = file = h5py.File(self.path, "a")
+        try:
+            self.file = file = h5py.File(self.path, "a")
+        except OSError:
+            raise InputError(f"file: '{self.path}' cannot be opened or made as HDF5; give another name") from None
         lattice = self.setup.lattice
-        if "rows" not in file:
-            file.attrs["cycle"] = self.description
+        if not len(file):
             file.create_dataset(
                 "rows", (0, len(COLUMNS)), "f8", maxshape=(None, len(COLUMNS)), chunks=(64, len(COLUMNS))
             )
@@ -198,6 +201,7 @@ class _Journal:
             shape = lattice.whole().nodes
             file.create_dataset("gap", (0, *shape), "f4", maxshape=(None, *shape), chunks=(1, *shape))
             file.create_dataset("u", (2, *lattice.shape), "f8")
+            file.attrs["cycle"] = self.description
         elif file.attrs.get("cycle") != self.description:
             file.close()
             raise InputError(

@@ -71,6 +71,24 @@ def test_an_interrupted_cycle_goes_on_from_its_file(relaxed: cb.Hysteresis, tmp_
         np.testing.assert_allclose(kept["gap"][()].mean((1, 2)), kept["rows"][:, column], rtol=1e-5)
     with pytest.raises(cb.InputError, match=r"^file: '.*cycle.h5' holds another cycle"):
         cb.hysteresis(ROUGH, steps=31, file=file, **HOW)
+    with pytest.raises(cb.InputError, match=r"holds another cycle"):
+        cb.hysteresis(ROUGH, steps=30, file=file, model=cb.Periodic(grid=64), **HOW)
+
+
+def test_files_that_hold_something_else_are_left_alone(tmp_path: Path) -> None:
+    text, other = tmp_path / "a.h5", tmp_path / "b.h5"
+    text.write_text("no HDF5")
+    with h5py.File(other, "w") as file:
+        file["x"] = 1.0
+    for path in (text, tmp_path / "nowhere" / "c.h5"):
+        with pytest.raises(cb.InputError, match=r"^file: '.*' cannot be opened or made as HDF5"):
+            cb.hysteresis(ROUGH, steps=30, file=path, **HOW)
+    with pytest.raises(cb.InputError, match=r"holds another cycle"):
+        cb.hysteresis(ROUGH, steps=30, file=other, **HOW)
+    with h5py.File(other) as file:
+        assert list(file) == ["x"]
+    with pytest.raises(cb.InputError, match=r"^file: only relaxation keeps its states in one"):
+        cb.hysteresis(ROUGH, file=other)
 
 
 def test_a_limit_of_time_leaves_what_there_is() -> None:
