@@ -404,6 +404,13 @@ def test_files_that_surfacetopography_reads(tmp_path):
     assert cb.Contact.from_file(tmp_path / "rough.toml").tip == tip
 
 
+def test_coordinates_are_no_map(tmp_path):
+    """Which SurfaceTopography may know, but here they are at no equal distances."""
+    np.savetxt(tmp_path / "xyz.txt", np.random.default_rng(3).normal(size=(20, 3)))
+    with pytest.raises(cb.InputError, match=r"^(file|heights): "):
+        cb.HeightMap.from_file(tmp_path / "xyz.txt", cell=(1.0, 2.0))
+
+
 class TestRectangles:
     def test_edges(self):
         tip = cb.HeightMap(RANDOM[:8], ("1 um", "2 um"))

@@ -265,17 +265,16 @@ def _read_file(path: Path, source: Source) -> tuple[object, str | None, object]:
 
 
 def _read_surface(path: Path) -> Any:
-    """The first topography of a file by SurfaceTopography; None if that is not installed, or does not read it."""
+    """The first topography of a file by SurfaceTopography; None if that is not installed, or cannot read it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             from SurfaceTopography import open_topography  # heavy, and only for instruments' files
-            from SurfaceTopography.Exceptions import CannotDetectFileFormat
         except ImportError:
             return None
         try:
             return open_topography(str(path)).topography()
-        except (CannotDetectFileFormat, OSError, ValueError):
+        except Exception:  # what a reader raises depends on what is wrong with the file, of which the caller speaks
             return None
 
 
@@ -294,6 +293,11 @@ def _read_text(path: Path) -> tuple[Array, str | None]:
     except ValueError as error:
         why = str(error).partition(";")[0].rstrip(".")
         raise InputError(f"file: '{path}' cannot be read ({why}); a table of heights has numbers alone") from None
+    if values.shape[1] in (2, 3):  # x, z or x, y, z
+        raise InputError(
+            f"file: '{path}' has {values.shape[1]} columns, as coordinates and heights have; must have a line for "
+            "every row of nodes"
+        )
     return values, named[1] if named else None
 
 
