@@ -19,17 +19,20 @@ if TYPE_CHECKING:
     )
     from contbranch.contact.contact import Contact as Contact
     from contbranch.contact.interactions import (
+        DoubleLayer as DoubleLayer,
         Exponential as Exponential,
         Gauss as Gauss,
         Interaction as Interaction,
         InverseSquare as InverseSquare,
         Layered as Layered,
+        LennardJones as LennardJones,
         MaugisDugdale as MaugisDugdale,
         Response as Response,
         Sum as Sum,
         Tabulated as Tabulated,
         VanDerWaals as VanDerWaals,
     )
+    from contbranch.contact.surface_forces import hamaker as hamaker, hydration as hydration, structural as structural
     from contbranch.contact.tips import (
         Cone as Cone,
         EllipticParaboloid as EllipticParaboloid,
@@ -81,8 +84,9 @@ __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
         ".contact.contact": "Contact",
-        ".contact.interactions": "Exponential Gauss Interaction InverseSquare Layered MaugisDugdale Response "
-        "Sum Tabulated VanDerWaals",
+        ".contact.interactions": "DoubleLayer Exponential Gauss Interaction InverseSquare Layered "
+        "LennardJones MaugisDugdale Response Sum Tabulated VanDerWaals",
+        ".contact.surface_forces": "hamaker hydration structural",
         ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
         ".control": "Spring",
         ".errors": "InputError ModelError Stop",

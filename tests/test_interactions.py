@@ -15,6 +15,7 @@ from contbranch.contact.interactions import (
     Interaction,
     InverseSquare,
     Layered,
+    LennardJones,
     MaugisDugdale,
     Sum,
     Tabulated,
@@ -37,6 +38,7 @@ LAWS = {
         lambda x: mp.exp(-x) * mp.cos(2 * mp.pi * x * mp.mpf(RANGE) / mp.mpf(0.3) + 0.5) / mp.cos(0.5),
     ),
 }
+LAWS["lennard-jones"] = (LennardJones(WORK, RANGE), lambda x: (4 / (1 + x) ** 2 - 1 / (1 + x) ** 8) / 3)
 smooth_laws = pytest.mark.parametrize(("law", "shape"), LAWS.values(), ids=LAWS)
 all_laws = pytest.mark.parametrize(
     "law",
@@ -396,7 +398,8 @@ def test_laws_differ():
 
 
 def test_every_law_is_found_by_its_name():
-    names = ["exponential", "gauss", "van-der-waals", "inverse-square", "maugis-dugdale", "layered", "tabulated"]
+    names = ["exponential", "gauss", "van-der-waals", "inverse-square", "maugis-dugdale", "layered", "lennard-jones"]
+    names += ["double-layer", "tabulated"]
     assert set(names) == set(INTERACTIONS)
     assert all(INTERACTIONS[name].name == name for name in names)
 

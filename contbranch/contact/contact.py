@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
-from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 from contbranch.arrays import plain
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction
+from contbranch.contact.surface_forces import SURFACE_FORCES, SurfaceForce
 from contbranch.contact.tips import TIPS, HeightMap, Parabola, Tip, TipShape
 from contbranch.contact.units import PHYSICAL, REDUCED, Scales, Units, parse, positive_number
 from contbranch.contact.validity import warn_of_units
@@ -22,12 +24,20 @@ from contbranch.errors import InputError, look_up, refuse_unknown
 LARGEST, WIDEST = 1e60, 1e12
 
 
-def dimensions(kind: type[TipShape] | type[Interaction]) -> dict[str, str]:
+# What makes a tip or a law from its parameters.
+Part = type[TipShape] | type[Interaction] | SurfaceForce
+# Parameters that are pairs of numbers.
+PAIRS = ("surface_potentials", "surface_charges")
+
+
+def dimensions(kind: Part) -> dict[str, str]:
     """Return the dimension of every parameter of a tip or law, by name; dimensionless where the class says nothing."""
+    if isinstance(kind, SurfaceForce):
+        return dict(kind.dimensions)
     return {item.name: kind.dimensions.get(item.name, "dimensionless") for item in fields(kind) if item.init}
 
 
-def make(kind: type[TipShape] | type[Interaction], values: Mapping[str, object], prefix: str = "") -> Any:
+def make(kind: Part, values: Mapping[str, object], prefix: str = "") -> Any:
     """Return the tip or law of that kind with the parameters `values`.
 
     Raises
@@ -36,13 +46,13 @@ def make(kind: type[TipShape] | type[Interaction], values: Mapping[str, object],
         For a missing, unknown or wrong parameter, which is named with `prefix` in front.
     """
     known = dimensions(kind)
+    call: Callable[..., Any] = kind.make if isinstance(kind, SurfaceForce) else kind
     refuse_unknown(values, known, prefix)
-    for item in fields(kind):
-        required = item.init and item.default is MISSING and item.default_factory is MISSING
-        if required and item.name not in values:
-            raise InputError(f"{prefix}{item.name}: missing; {kind.__name__} needs it ({known[item.name]})")
+    for name, parameter in inspect.signature(call).parameters.items():
+        if parameter.default is parameter.empty and name not in values:
+            raise InputError(f"{prefix}{name}: missing; {call.__name__} needs it ({known[name]})")
     try:
-        return kind(**values)  # type: ignore[arg-type]
+        return call(**values)
     except InputError as error:
         raise InputError(f"{prefix}{error}") from None
 
@@ -165,16 +175,21 @@ class Contact:
         """
         shape_kind = look_up(tip, TIPS, "tip") if isinstance(tip, str) else None
         if isinstance(interaction, str):
-            interaction = look_up(interaction, INTERACTIONS, "interaction")
-        law_kind = interaction if isinstance(interaction, type) else None
+            interaction = look_up(interaction, {**INTERACTIONS, **SURFACE_FORCES}, "interaction")
+        law_kind = interaction if isinstance(interaction, type | SurfaceForce) else None
         known = {
             name: dimension for kind in (shape_kind, law_kind) if kind for name, dimension in dimensions(kind).items()
         }
         refuse_unknown(quantities, known)
         if modulus is None:
             raise InputError("modulus: missing; give the effective modulus, for example '5 GPa'")
-        read = {k: isinstance(value, str) and known[k] != "text" for k, value in quantities.items()}
-        values = {k: parse(value, known[k], k) if read[k] else value for k, value in quantities.items()}
+
+        def read(value: Any, name: str) -> Any:
+            if name in PAIRS and isinstance(value, tuple | list):
+                return tuple(parse(one, known[name], name) for one in value)
+            return parse(value, known[name], name) if isinstance(value, str) and known[name] != "text" else value
+
+        values = {name: read(value, name) for name, value in quantities.items()}
 
         def built(kind: Any) -> Any:
             return make(kind, {name: values[name] for name in dimensions(kind) if name in values})

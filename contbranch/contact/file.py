@@ -28,6 +28,8 @@ The parameters of a shape or law are the fields of its class in `tips` and `inte
   one array) with (N, N) heights, and ``cell = "1 um"``, the edge of the square that they cover; ``unit = "nm"`` is that
   of the heights and makes them physical. ``peaks = true`` if the peaks of the map point to the wall; ``radius`` sets
   the scales.
+- ``law = "hamaker"``, ``"hydration"`` and ``"structural"``: the parameters of the functions of `surface_forces`, of
+  ``law = "double-layer"`` with pairs of potentials or charges, ``surface_potentials = ["-50 mV", "-50 mV"]``.
 - ``law = "tabulated"``: ``file = "law.csv"`` with the columns gap and energy per area (``quantity = "energy"``, the
   default) or gap and pressure (``quantity = "pressure"``), or the lists ``gaps`` and ``energies`` or ``pressures``;
   ``length_unit = "nm"`` and ``energy_unit = "mJ/m^2"`` or ``pressure_unit = "MPa"`` make them physical.
@@ -45,10 +47,11 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from contbranch.contact.contact import Contact, dimensions, make
+from contbranch.contact.contact import PAIRS, Contact, Part, dimensions, make
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interaction_law import places_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction, Tabulated
+from contbranch.contact.surface_forces import SURFACE_FORCES
 from contbranch.contact.text import as_path, read_text
 from contbranch.contact.tip_profile import Profile
 from contbranch.contact.tips import TIPS, TipShape
@@ -204,9 +207,10 @@ class _Reader:
 
     def law(self, table: _Table, field: str) -> Interaction:
         """Return the law of a table [[interaction]]."""
+        known = {**INTERACTIONS, **SURFACE_FORCES}
         if "law" not in table:
-            raise InputError(f"{field}.law: missing; must be one of {', '.join(INTERACTIONS)}")
-        kind = look_up(table.pop("law"), INTERACTIONS, f"{field}.law")
+            raise InputError(f"{field}.law: missing; must be one of {', '.join(known)}")
+        kind = look_up(table.pop("law"), known, f"{field}.law")
         prefix = f"{field}."
         if kind is not Tabulated:
             law: Interaction = make(kind, self._parameters(kind, table, prefix), prefix)
@@ -230,11 +234,19 @@ class _Reader:
         refuse_unknown(table, readers, "trace.")
         return {name: read(table[name], f"trace.{name}") for name, read in readers.items() if name in table}
 
-    def _parameters(self, kind: type[TipShape] | type[Interaction], table: _Table, prefix: str) -> _Table:
+    def _parameters(self, kind: Part, table: _Table, prefix: str) -> _Table:
         """Return the values of a table whose keys are parameters of `kind`; others are left to `make` to refuse."""
         known = dimensions(kind)
         refuse_unknown(table, known, prefix)
-        return {name: self.number(value, known[name], f"{prefix}{name}") for name, value in table.items()}
+
+        def read(value: object, name: str) -> object:
+            if known[name] == "text":
+                return value
+            if isinstance(value, list) and name in PAIRS:
+                return tuple(self.number(one, known[name], f"{prefix}{name}") for one in value)
+            return self.number(value, known[name], f"{prefix}{name}")
+
+        return {name: read(value, name) for name, value in table.items()}
 
     def _lists(self, table: _Table, field: str, units: Mapping[str, str], others: Iterable[str] = ()) -> _Table:
         """Return two lists of numbers in the file's units, from a file if `table` names one.

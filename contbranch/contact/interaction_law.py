@@ -117,6 +117,16 @@ class Interaction:
         return math.inf
 
     @property
+    def wall(self) -> float:
+        """The gap of the wall, 0; that of a soft core is negative, and out of reach."""
+        return 0.0
+
+    @property
+    def rim_gap(self) -> float:
+        """The gap at the edge of what counts as contact where no wall is reached."""
+        return 0.0
+
+    @property
     def convex(self) -> bool:
         """Whether the energy per area certainly is: repulsion that falls ever more slowly as the gap opens."""
         # A law made of such a one may have another shape.
@@ -331,6 +341,16 @@ class Sum(Evaluated):
     def kinks(self) -> tuple[float, ...]:
         """Those of all laws."""
         return tuple(sorted({kink for law in self.laws for kink in law.kinks}, reverse=True))
+
+    @property
+    def wall(self) -> float:
+        """That of the softest core."""
+        return min(law.wall for law in self.laws)
+
+    @property
+    def rim_gap(self) -> float:
+        """That of the law with the softest core."""
+        return min(self.laws, key=lambda law: law.wall).rim_gap
 
     @property
     def pieced(self) -> bool:

@@ -25,17 +25,22 @@ from contbranch.errors import InputError
 
 __all__ = [
     "INTERACTIONS",
+    "DoubleLayer",
     "Exponential",
     "Gauss",
     "Interaction",
     "InverseSquare",
     "Layered",
+    "LennardJones",
     "MaugisDugdale",
     "Response",
     "Sum",
     "Tabulated",
     "VanDerWaals",
 ]
+
+# Share of the distance of the minimum by which a soft core is entered at most.
+SOFT_CORE = 0.8
 
 
 @dataclass(frozen=True)
@@ -180,6 +185,169 @@ class Layered(Interaction):
 
 
 @dataclass(frozen=True)
+class LennardJones(Interaction):
+    """v = -Δγ [4 (1 + g/ε)⁻² - (1 + g/ε)⁻⁸]/3, the 9-3 law of two half spaces of atoms; gaps count from its minimum.
+
+    Attributes
+    ----------
+    work_of_adhesion
+        Δγ, the depth of the minimum.
+    range
+        ε, the distance of the surfaces in the minimum, where g = 0.
+    core
+        ``"wall"``: a hard wall at the minimum. ``"soft"``: the law goes on to g > -ε; no wall is ever met, and the
+        contact radius is that at which the surfaces attract each other most, h = 3^(1/6) ε.
+    """
+
+    name = "lennard-jones"
+    dimensions: ClassVar[Mapping[str, str]] = {**Interaction.dimensions, "core": "text"}
+
+    core: str = "wall"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.core not in ("wall", "soft"):
+            raise InputError(f"core: {self.core!r}; must be 'wall' or 'soft'")
+        if self.core == "soft" and self.work_of_adhesion < 0.0:
+            raise InputError(f"work_of_adhesion: {self.work_of_adhesion:g}; a soft core repels, the rest must attract")
+
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return (4u² - u⁸)/3 with u = 1/(1 + x), and its derivatives; defined for x > -1."""
+        u = 1.0 / (1.0 + x)
+        square = u * u
+        eighth = square**4
+        return (
+            (4.0 * square - eighth) / 3.0,
+            8.0 / 3.0 * u * (eighth - square),
+            8.0 * square * (square - 3.0 * eighth),
+        )
+
+    @property
+    def wall(self) -> float:
+        """Of a soft core, where its pressure is 10⁶ times the largest tension."""
+        return -SOFT_CORE * self.range if self.core == "soft" else 0.0
+
+    @property
+    def rim_gap(self) -> float:
+        """Of a soft core, where the tension has its peak."""
+        return (3.0 ** (1.0 / 6.0) - 1.0) * self.range if self.core == "soft" else 0.0
+
+    def _shape_reach(self, tolerance: float) -> float:
+        """Return where 4u²/3 falls to `tolerance`."""
+        return math.sqrt(4.0 / (3.0 * tolerance)) - 1.0
+
+
+@dataclass(frozen=True)
+class DoubleLayer(Interaction):
+    """Electric double layers of two surfaces in an electrolyte, linearised Poisson-Boltzmann theory.
+
+    With x = (g + cutoff)/λ, Debye length λ and permittivity ϵ,
+
+        v = 2A/(eˣ + 1) + 2B/(eˣ - 1),
+
+    at constant potentials ψ₁, ψ₂: A = ϵ (ψ₁ + ψ₂)²/4λ, B = -ϵ (ψ₁ - ψ₂)²/4λ (Hogg, Healy & Fuerstenau, Trans. Faraday
+    Soc. 62, 1638 (1966)); at constant charges σ₁, σ₂ per area: B = λ (σ₁ + σ₂)²/4ϵ, A = -λ (σ₁ - σ₂)²/4ϵ. Its numbers
+    are in the units below, whatever those of the contact.
+
+    Attributes
+    ----------
+    surface_potentials
+        ψ₁ and ψ₂ in mV; linear for small ones, up to 25 mV or so.
+    surface_charges
+        σ₁ and σ₂ in mC/m², in place of potentials.
+    debye_length
+        λ in nm.
+    concentration, valency, temperature
+        In place of λ: of the salt in mol/L, of its ions, in K: λ² = ϵ k T/(2 N e² z² c).
+    permittivity
+        Relative to the vacuum's.
+    cutoff
+        Distance of the charged planes at g = 0, in nm. Where v is infinite there, as at constant charges, one is needed.
+    work_of_adhesion, range
+        Not given: -v(0) and λ.
+    """
+
+    name = "double-layer"
+    dimensions: ClassVar[Mapping[str, str]] = {
+        "surface_potentials": "potential", "surface_charges": "charge per area", "debye_length": "length",
+        "concentration": "concentration", "temperature": "temperature", "cutoff": "length",
+    }  # fmt: skip
+
+    work_of_adhesion: float = field(init=False)
+    range: float = field(init=False)
+    surface_potentials: tuple[float, float] | None = None
+    surface_charges: tuple[float, float] | None = None
+    debye_length: float | None = None
+    concentration: float | None = None
+    valency: float = 1.0
+    temperature: float = 298.15
+    permittivity: float = 78.4
+    cutoff: float = 0.0
+    _terms: tuple[float, float, float, float] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        make_positive(self, "valency", "temperature", "permittivity")
+        if (self.debye_length is None) == (self.concentration is None):
+            raise InputError("debye_length, concentration: give one of them, not both and not none")
+        if (self.surface_potentials is None) == (self.surface_charges is None):
+            raise InputError("surface_potentials, surface_charges: give one of them, not both and not none")
+        if finite_number(self.cutoff, "cutoff") < 0.0:
+            raise InputError(f"cutoff: {self.cutoff:g}; must not be negative")
+        epsilon = self.permittivity * scipy.constants.epsilon_0  # in C²/(N m²)
+        if self.concentration is None:
+            make_positive(self, "debye_length")
+            length = float(self.debye_length or 0.0)
+        else:
+            make_positive(self, "concentration")
+            ions = 2e3 * scipy.constants.N_A * self.concentration * (self.valency * scipy.constants.e) ** 2
+            length = 1e9 * math.sqrt(epsilon * scipy.constants.k * self.temperature / ions)
+        held = "surface_charges" if self.surface_potentials is None else "surface_potentials"
+        pair = getattr(self, held)
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise InputError(f"{held}: {pair!r}; must be two numbers, one for each surface")
+        first, second = (finite_number(one, held) for one in pair)
+        object.__setattr__(self, held, (first, second))
+        # Energies per area in N/m, from mV and nm, or mC/m² and nm.
+        unit = 1e3 * epsilon / (4.0 * length) if held == "surface_potentials" else 1e-15 * length / (4.0 * epsilon)
+        same, opposite = unit * (first + second) ** 2, -unit * (first - second) ** 2
+        a, b = (same, opposite) if held == "surface_potentials" else (opposite, same)
+        if b and not self.cutoff:
+            raise InputError(
+                "cutoff: 0; the energy is infinite there unless the potentials are the same, or the charges opposite: "
+                "give the distance of the charged planes in contact, for example '0.3 nm'"
+            )
+        object.__setattr__(self, "range", length)
+        object.__setattr__(self, "_terms", (self.cutoff / length, a, b, 1.0))
+        with np.errstate(all="ignore"):
+            energies = self.shape(np.linspace(0.0, 20.0, 2001))[0]
+        contact = float(energies[0])
+        if contact == 0.0:
+            raise InputError(f"{held}: {first:g}, {second:g}; the law has no energy at gap 0")
+        object.__setattr__(self, "work_of_adhesion", -contact)
+        largest = float(np.abs(energies).max()) / abs(contact)
+        object.__setattr__(self, "_terms", (self.cutoff / length, a / contact, b / contact, largest))
+
+    def _factors(self, x: Array) -> tuple[Array, Array, Array]:
+        """2/(e^X ± 1) and their derivatives at X = x + cutoff/λ, (2, n) each."""
+        q = np.exp(-(x + self._terms[0]))
+        signs = np.array([1.0, -1.0]).reshape(2, *[1] * q.ndim)
+        below = 1.0 + signs * q
+        return 2.0 * q / below, -2.0 * q / below**2, 2.0 * q * (1.0 - signs * q) / below**3
+
+    def shape(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return f with f(0) = 1, and its derivatives."""
+        _, a, b, _ = self._terms
+        # Without a pole its term is left out: at a gap of 0 it would be 0 · ∞.
+        f, slope, curvature = (a * one[0] + (b * one[1] if b else 0.0) for one in self._factors(np.asarray(x)))
+        return f, slope, curvature
+
+    @property
+    def reference_work(self) -> float:
+        """The largest |v|, which may be that of a barrier."""
+        return abs(self.work_of_adhesion) * self._terms[3]
+
+
+@dataclass(frozen=True)
 class Tabulated(Evaluated):
     """A law given by a table, interpolated so that the energy per area is twice continuously differentiable.
 
@@ -305,5 +473,8 @@ class Tabulated(Evaluated):
 
 
 INTERACTIONS: Mapping[str, type[Interaction]] = {
-    law.name: law for law in (Exponential, Gauss, VanDerWaals, InverseSquare, MaugisDugdale, Layered, Tabulated)
-}
+    law.name: law
+    for law in (
+        Exponential, Gauss, VanDerWaals, InverseSquare, MaugisDugdale, Layered, LennardJones, DoubleLayer, Tabulated,
+    )
+}  # fmt: skip

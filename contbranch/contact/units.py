@@ -28,6 +28,10 @@ _DIMENSIONS: dict[str, tuple[str, str, str]] = {
     "stiffness": ("nN/nm", "nN/nm", "'0.1 N/m'"),
     "energy": ("nN·nm", "nN*nm", "'2 aJ'"),
     "area": ("nm²", "nm**2", "'3 um^2'"),
+    "potential": ("mV", "mV", "'-50 mV'"),
+    "charge per area": ("mC/m²", "mC/m**2", "'5 mC/m^2'"),
+    "concentration": ("mol/L", "mol/L", "'1 mM'"),
+    "temperature": ("K", "kelvin", "'298 K'"),
     "dimensionless": ("", "dimensionless", "0.5"),
 }
 
@@ -187,8 +191,7 @@ def parse(value: object, dimension: str, field: str) -> float:
     value
         A number, taken as given in the document's unit, or a text such as ``"-40 mN/m"``.
     dimension
-        ``"length"``, ``"force"``, ``"pressure"``, ``"energy per area"``, ``"stiffness"``, ``"energy"`` or
-        ``"dimensionless"``.
+        A key of `_DIMENSIONS`, such as ``"length"`` or ``"dimensionless"``.
     field
         The name of the field, for messages.
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from contbranch.contact.interaction_law import WEAK, terms_of
-from contbranch.contact.interactions import INTERACTIONS, Interaction, Layered, Tabulated
+from contbranch.contact.interactions import Interaction, Layered
 from contbranch.results.diagram import Event
 
 __all__ = ["fold_name", "number_layers", "signs_of", "threshold_events"]
@@ -49,17 +49,15 @@ def fold_name(signs: tuple[bool, bool], control: str | None, load: float, lost_o
 def signs_of(interaction: Interaction | None) -> tuple[bool, bool]:
     """Whether an interaction attracts, and whether it repels, at some gap each; of layers it does both.
 
-    Tables and laws of the user's may change sign: their energies are looked at, but for a hundredth of the largest.
+    Energies are looked at, but for a hundredth of the largest.
     """
     energies = [0.0]
     for term in terms_of(interaction):
         if isinstance(term, Layered):
             return True, True
-        energies.append(-term.work_of_adhesion)
-        if isinstance(term, Tabulated) or type(term) is not INTERACTIONS.get(term.name):
-            found = np.nan_to_num(term.sampled_energies[1])
-            energies[-1:] = found[np.abs(found) > WEAK * np.abs(found).max()].tolist()
-            energies += [-term.net_adhesion] if term.lowest_gap else []  # however high its core is
+        found = np.nan_to_num(term.sampled_energies[1])
+        energies += found[np.abs(found) > WEAK * np.abs(found).max()].tolist()
+        energies += [-term.net_adhesion] if term.lowest_gap else []  # however high its core is
     return min(energies) < 0.0, max(energies) > 0.0
 
 

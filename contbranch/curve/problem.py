@@ -340,6 +340,11 @@ class EquilibriumProblem(Problem):
         """The central gap below which a film counts as contact: that of the law's repulsive core, if it has one."""
         return 0.0
 
+    @property
+    def wall_gap(self) -> float:
+        """The least gap: 0 unless the law has a soft core."""
+        return 0.0
+
     def endures(self, point: Point) -> bool:
         """Whether no load that can be computed leads from a state without contact to a fold, or to contact."""
         return False

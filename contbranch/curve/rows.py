@@ -97,7 +97,7 @@ def _branch(track: Track, unstable: Mapping[Control, Integers], breaking: Breaki
 
     ended = over()
     columns: dict[str, Any] = {name: track.column(name) for name in Values._fields}
-    columns["central_gap"] = np.maximum(columns["central_gap"], 0.0)
+    columns["central_gap"] = np.maximum(columns["central_gap"], equilibrium(points[0]).wall_gap)
     if "perimeter" in points[0].observables:  # on the nodes of a lattice
         pairs, rim = ([p.observables.get(name, 0.0) for p in points] for name in ("fft_pairs", "perimeter"))
         columns |= {

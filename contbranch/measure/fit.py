@@ -265,7 +265,7 @@ class _Fitting:
         """The fit with a law, by name; None for the contact's own."""
         contact, limit = self.contact, name if name in LIMITS else ""
         if name is not None:
-            known = (law for law in INTERACTIONS if law != "tabulated")
+            known = (law for law in INTERACTIONS if law not in ("tabulated", "double-layer"))
             look_up(name, dict.fromkeys((*known, *LIMITS, "compare")), "law")
             contact = _with_law(contact, "maugis-dugdale" if limit else name)
         if limit and not isinstance(contact.tip, Parabola):

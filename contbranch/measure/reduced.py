@@ -25,7 +25,14 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.contact.contact import Contact, make
 from contbranch.contact.interaction_law import Interaction, terms_of
-from contbranch.contact.interactions import INTERACTIONS, MaugisDugdale
+from contbranch.contact.interactions import (
+    INTERACTIONS,
+    Exponential,
+    Gauss,
+    InverseSquare,
+    MaugisDugdale,
+    VanDerWaals,
+)
 from contbranch.contact.tip_shape import Tip
 from contbranch.contact.tips import Parabola
 from contbranch.continuation import CorrectionError, Point
@@ -361,4 +368,4 @@ def _track(contact: Contact, accuracy: float, top: float) -> Track:
     return track
 
 
-_SHAPES = frozenset(law for name, law in INTERACTIONS.items() if name not in ("layered", "tabulated"))
+_SHAPES = frozenset((Exponential, Gauss, VanDerWaals, InverseSquare, MaugisDugdale))

@@ -70,7 +70,6 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
     fine = np.append(fine, len(position) - 1.0)
     at = np.interp(fine, np.arange(len(position)), length)
     columns = {name: np.interp(fine, np.arange(len(position)), knots[name]) for name in COORDINATES}
-    coordinate = np.where(knots["contact_radius"] > 0.0, knots["contact_radius"] ** 2, -knots["central_gap"])
     for start, stop in pairwise([0, *touches, len(position) - 1]):
         here = (fine >= start) & (fine <= stop)
         part = slice(start, stop + 1)
@@ -84,9 +83,9 @@ def smooth_line(diagram: Diagram, number: int) -> Line:
             columns[name][here] = smooth(np.append(-along[other], along), np.append(own[other], own), places)
         if grows:
             continue
-        fine_coordinate = smooth(length[part], coordinate[part], at[here])
-        columns["contact_radius"][here] = np.sqrt(np.maximum(fine_coordinate, 0.0))
-        columns["central_gap"][here] = np.maximum(-fine_coordinate, 0.0)
+        columns["contact_radius"][here] = np.sqrt(np.maximum(smooth(length[part], radii**2, at[here]), 0.0))
+        gaps = knots["central_gap"][part]
+        columns["central_gap"][here] = np.maximum(smooth(length[part], gaps, at[here]), gaps.min())
     columns[AREA] = np.pi * columns["contact_radius"] ** 2
     if diagram.stiffness:
         columns["deflection"] = columns["load"] / diagram.stiffness

@@ -129,7 +129,7 @@ def laid(
     t = np.hypot(mesh.nodes, a)
     state = np.append(before.transformed(t), before.pressure(t[equations.resting]))
     gap = before.central_gap
-    y = equations.coordinate.of(a, gap) if disc else -gap
+    y = equations.coordinate.of(a, gap) if disc else equations.wall - gap
     fields = equations.fields(state, y)
     motion = led_by(equations, fields, edge)
     found = replace(problem, equations=equations, motion=motion, vanishing=())

@@ -3,7 +3,7 @@
 For a given contact coordinate y (see `ContactCoordinate`) everything follows from ``h(tau)``:
 
     h(0) = rim value of h,     d = h(0) + zeta(a)  (contact),     d = h(0) − g(0)  (no contact)
-    gap(rho) = plane(a) [h − h(0)] + gap of the undeformed tip + max(−y, 0)
+    gap(rho) = plane(a) [h − h(0)] + gap of the undeformed tip + max(−y, 0) + gap of the wall, 0 without a soft core
     R(h, y)  = h − abel p_fr(gap) = 0
 
 so the rim condition phi(a) = 0 is built in, and the displacement is a result and not an unknown.
@@ -258,6 +258,15 @@ class Equations:
         """The gap of the central disc."""
         return self.law.levels[self.level] if self.contact else 0.0
 
+    @property
+    def wall(self) -> float:
+        """The gap at the wall."""
+        return self.law.levels[0]
+
+    def central_gap(self, fields: Fields) -> float:
+        """The gap in the middle."""
+        return self.rest if self.contact else self.wall - fields.y
+
     # -- regions ------------------------------------------------------------------------------------------------------
     def divided(self) -> Iterator[tuple[slice, Region]]:
         """The nodes of every region."""
@@ -326,7 +335,7 @@ class Equations:
         rim_value = float(self.rim_row @ h)
         shape, shape_slope = self._shape_gap(rim)
         rise = rim.bent(h - rim_value) + shape
-        centre = self.rest if self.contact else -y
+        centre = self.rest if self.contact else self.wall - y
         gaps = rise + centre if centre else rise
         gap = gaps[: self.mesh.size]
         energy, pressure, stiffness = self._answer(gap, state)
@@ -465,7 +474,7 @@ class Equations:
     def _own_displacement(self, fields: Fields) -> float:
         """Displacement without the interaction beyond the mesh."""
         if not self.contact:
-            return fields.rim_value + fields.y
+            return fields.rim_value + fields.y - self.wall
         return fields.rim_value + float(self.tip.transform(np.float64(fields.rim.radius))) - self.rest
 
     def load(self, fields: Fields) -> float:

@@ -22,7 +22,7 @@ PLACES_PER_WAVE, WEAKEST_LAYER = 64, 1e-3
 class BandedLaw:
     """Levels of the gap at which the pressure jumps, and the smooth law in the bands between them.
 
-    Level 0 is the wall, ``g = 0``; every Maugis–Dugdale law adds a level at its range. Where a repulsion ends the gap
+    Level 0 is the wall, ``g = 0``, or less within a soft core; every Maugis–Dugdale law adds a level at its range. Where a repulsion ends the gap
     may rest with any pressure between those of both sides; where an attraction does the gap passes. Band `k` lies
     between level `k` and level `k + 1` (or infinity).
 
@@ -48,8 +48,11 @@ class BandedLaw:
 
     @cached_property
     def levels(self) -> tuple[float, ...]:
-        """Gaps at which the pressure jumps, increasing from 0, the wall's."""
-        return (0.0, *sorted({term.range for term in self._steps}))
+        """Gaps at which the pressure jumps, increasing from the wall's, 0 unless the law has a soft core."""
+        return (
+            0.0 if self.interaction is None else self.interaction.wall,
+            *sorted({term.range for term in self._steps}),
+        )
 
     @cached_property
     def layers(self) -> tuple[float, ...]:

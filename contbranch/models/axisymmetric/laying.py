@@ -36,7 +36,7 @@ class Functions:
     @property
     def central_gap(self) -> float:
         """Gap in the middle."""
-        return self.equations.rest if self.equations.contact else -self.fields.y
+        return self.equations.central_gap(self.fields)
 
     def transformed(self, t: Array) -> Array:
         """h(t): outside of the central disc as the mesh has it, inside d + level − ζ(t)."""

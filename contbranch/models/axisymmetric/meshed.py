@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
+from scipy.optimize import brentq
 
 from contbranch.arrays import Array, magnitude
 from contbranch.contact.validity import in_pieces, perhaps_in_pieces
@@ -64,6 +65,9 @@ MOST, FINEST, WORTH = 1000, 1600, 0.5
 STALLS = 3
 # Loads and lengths below this are nothing.
 LEAST = 1e-12
+# Step of the difference that gives the rate of the contact radius within a soft core, of the parameter and of h in ranges:
+# the cube root of rounding.
+SOFT_STEP = 6e-6
 # Ratio of neighbouring panels next to edges of regions that have moved, from which on a mesh is made anew.
 OUTGROWN = 9.0
 # A mesh is laid anew where panels are shortened down to this share, between edges of regions to the second.
@@ -99,19 +103,41 @@ class MeshedContact(MovingContact):
         """Whether a solution lies where surfaces would have passed through one another, and laws mean nothing, or has
         breakpoints that have left their parts of the mesh."""
         try:
-            return float(self.fields(x, p).gap.min()) < -DEEPEST * self.scale
+            return float(self.fields(x, p).gap.min()) < self.equations.wall - DEEPEST * self.scale
         except ModelError:
             return True
 
     def values(self, x: Array, p: float) -> Values:
         """Load, displacement, contact radius, central gap, energy."""
         equations, fields = self.seen(x, p)
-        gap = equations.rest if equations.contact else max(0.0, -fields.y)
-        radius = fields.rim.radius if equations.contact and not equations.level else 0.0
+        gap = max(equations.wall, equations.central_gap(fields))
+        radius = fields.rim.radius if equations.contact and not equations.level else self._soft_radius(x, p)
         if any(region.rests and not region.index for region in equations.regions):
             radius = math.hypot(fields.rim.radius, equations.mesh.edges[equations.mesh.roots[self._wall_edge]])
         load, displacement = equations.load(fields), equations.displacement(fields)
         return Values(load, displacement, radius, gap, equations.energy(fields))
+
+    def _soft_radius(self, x: Array, p: float) -> float:
+        """The radius out to which the gap is less than at the rim of a soft core; 0 without."""
+        equations, fields = self.seen(x, p)
+        law, mesh = equations.interaction, equations.mesh
+        if law is None or not law.wall or not equations.central_gap(fields) < law.rim_gap:
+            return 0.0
+        places = np.append(0.0, mesh.nodes)
+        last = int(np.flatnonzero(fields.gap < law.rim_gap).max(initial=-1)) + 1
+
+        def above(place: float) -> float:
+            return float(mesh.interpolate(fields.gap, np.array([place]))[0]) - law.rim_gap
+
+        if last == len(mesh.nodes):
+            return float(mesh.end)
+        return float(brentq(above, places[last], places[last + 1], xtol=1e-15))
+
+    def _soft_rate(self, x: Array, p: float, x_rate: Array, p_rate: float) -> float:
+        """The rate of that radius along a direction, by a difference."""
+        step = SOFT_STEP / (abs(p_rate) + magnitude(x_rate) / self.scale)
+        ahead, behind = (self._soft_radius(x + s * x_rate, p + s * p_rate) for s in (step, -step))
+        return (ahead - behind) / (2.0 * step)
 
     @property
     def _wall_edge(self) -> int:

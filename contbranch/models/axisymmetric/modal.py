@@ -68,7 +68,7 @@ class ModeSpace:
         inner, outer = planes(mesh, a, 0)
         shape, _ = equations.tip.shape_gap(rho, a)
         gap = inner @ (mesh.rule.to_even @ profile[: mesh.order]) + outer @ profile[mesh.order :] + shape
-        gap = gap + (equations.rest if equations.contact else -fields.y)
+        gap = gap + equations.central_gap(fields)
         stiffness, count = np.zeros_like(gap), mesh.order + EXTRA
         resting: list[int] = []
         for nodes, region in equations.divided():

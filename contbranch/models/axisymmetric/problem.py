@@ -174,13 +174,17 @@ class ContactProblem(MeshedContact):
                     places = far + law.wave * BEFORE
                     far = float(places[np.abs(law.evaluate(places).stiffness).argmax()])
             problem = self.on_mesh(mesh_on(edges, self.resolution.order))
-            u, ends = self.parameter(-max(far, self.scale)), law.ends
+            u, ends = self.at_gap(max(far, self.scale)), law.ends
         self.resolution.far, x = u, np.zeros(problem.size)
         if (motion := problem.fitting(x, u)) is not None and motion.ends:
             problem, x = problem.anchored(motion, x, u)
         problem, x = problem.resolved(problem.solve_at(x, u), u, self.resolution.tolerance)
         start = oriented(problem, x, u, (np.zeros(x.size), 1.0))
-        return problem._nearer(start, self.parameter(-ends)) if self.parameter(-ends) > u else start
+        return problem._nearer(start, self.at_gap(ends)) if self.at_gap(ends) > u else start
+
+    def at_gap(self, gap: float) -> float:
+        """The parameter of a film with a gap in the middle."""
+        return self.parameter(self.equations.wall - gap)
 
     def _nearer(self, start: Point, u: float) -> Point:
         """Where a law's description ends, on the curve from farther away."""
@@ -230,7 +234,7 @@ class ContactProblem(MeshedContact):
         if any(region.rests for region in self.equations.regions):
             return -math.inf, math.inf
         if not self.equations.contact:
-            return self.resolution.far, self.parameter(-self._ahead)
+            return self.resolution.far, self.at_gap(self._ahead) if self._ahead else 0.0
         coordinate, extent = self.equations.coordinate, self.equations.tip.extent
         return 0.0, self.parameter(coordinate.of(extent, 0.0)) if math.isfinite(extent) else math.inf
 
@@ -478,6 +482,11 @@ class ContactProblem(MeshedContact):
         """That of the law."""
         return getattr(self.equations.interaction, "contact_gap", 0.0)
 
+    @property
+    def wall_gap(self) -> float:
+        """That of the law."""
+        return self.equations.wall
+
     def endures(self, point: Point) -> bool:
         """Whether the film's next greatest pressure is out of reach, see `lasts`."""
         (equations, fields), law = self.seen(point.x, point.parameter), self.equations.interaction
@@ -495,7 +504,7 @@ class ContactProblem(MeshedContact):
             return lasts(equations.tip, equations.displacement(fields), left, rate)
         if not abs(along.central_gap) < PRESSED * abs(along.displacement):  # not yet pressed, but approached
             return False
-        inwards = law.evaluate(np.linspace(-fields.y, 0.0, BARRIER))
+        inwards = law.evaluate(np.linspace(equations.central_gap(fields), equations.wall, BARRIER))
         rate = -float(inwards.stiffness[0]) * along.central_gap * equations.load(fields) / along.load
         tip = equations.tip
         rate = max(rate, float(tip.height_derivative(np.float64(felt(tip, law)))) / 4)
@@ -507,7 +516,7 @@ class ContactProblem(MeshedContact):
         """Out there the tip feels next to nothing: its displacement is minus the gap, and so is a spring's position."""
         if control.kind == "load":
             return None
-        problem, u, none = replace(self, motion=None), self.parameter(value), np.zeros(self.size)
+        problem, u, none = replace(self, motion=None), self.at_gap(-value), np.zeros(self.size)
         return oriented(problem, problem.solve_at(none, u), u, (none, 1.0))
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
@@ -533,6 +542,8 @@ class ContactProblem(MeshedContact):
             wall = (0.5 * area + places[k] * (moves[k] @ x_rate[self.size :])) / math.hypot(a, places[k])
         elif equations.contact and not equations.level:
             wall = equations.coordinate.slopes(fields.y)[0] * y_rate
+        elif equations.wall:
+            wall = self._soft_rate(x, p, x_rate, p_rate)
         return Rates(load, displacement, wall, 0.0 if equations.contact else -y_rate)
 
     def _slope(self, x: Array, p: float) -> float:

@@ -126,7 +126,9 @@ def _breaches(equations: Equations, fields: Fields, scale: float, narrow_ring: f
             bounds.append((law.levels[region.index + 1], -1.0, region.index + 1))
         flat = k == 0 and not equations.contact and equations.tip.apex_exponent > 2.0
         for level, sign, index in bounds:
-            centre = sign * (-fields.y - level) / scale if k == 0 and not equations.contact else math.nan
+            centre = (
+                sign * (equations.central_gap(fields) - level) / scale if k == 0 and not equations.contact else math.nan
+            )
             rests = law.holds(index)
             passes = 0.0
             if index in jumps:
@@ -155,7 +157,7 @@ def _dishes(equations: Equations, fields: Fields, scale: float) -> Iterator[Brea
 
     gap = at(places)
     for k in np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1:
-        if gap[k] < -fields.y - EDGE_NOISE * abs(fields.rim_value):
+        if gap[k] < equations.central_gap(fields) - EDGE_NOISE * abs(fields.rim_value):
             least, place = _lowest(at, float(places[k - 1]), float(places[k + 1]))
             yield Breach((least - law.levels[index]) / scale, 0, place, new)
 

@@ -71,7 +71,8 @@ class _Cell:
 
     def obstacle(self, contact: Contact) -> str | None:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
-        return None
+        soft = contact.interaction is not None and contact.interaction.wall < 0.0
+        return "on a grid a law needs a wall: use core='wall'" if soft else None
 
     def setup(self, contact: Contact, field: str | None, value: float | None, accuracy: float) -> Setup:
         """The lattice for a reduced contact: as given, and what is not given chosen for a load or displacement."""
