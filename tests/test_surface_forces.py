@@ -10,8 +10,8 @@ import contbranch as cb
 from contbranch.contact.file import read_contact
 from contbranch.contact.interaction_law import Interaction
 
-# Pull-off loads over 2πRΔγ of the law without a wall by Tabor coefficient: 1 (Bradley) and 3/4 (JKR) in the limits; from an
-# independent code with 600 rings of pressure.
+# Pull-off loads over 2πRΔγ of the law without a wall by Tabor coefficient, from an independent code with 600 rings of
+# pressure; 1 (Bradley) and 3/4 (JKR) are the limits.
 PULL_OFF = {0.1: 0.98448, 0.5: 0.89374, 1.0: 0.83533, 3.0: 0.77552, 8.0: 0.75651}
 
 

@@ -262,7 +262,7 @@ class DoubleLayer(Interaction):
     permittivity
         Relative to the vacuum's.
     cutoff
-        Distance of the charged planes at g = 0, in nm. Where v is infinite there, as at constant charges, one is needed.
+        Distance of the charged planes at g = 0, in nm. Needed where v is infinite otherwise, as at constant charges.
     work_of_adhesion, range
         Not given: -v(0) and λ.
     """

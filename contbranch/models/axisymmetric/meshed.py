@@ -65,8 +65,8 @@ MOST, FINEST, WORTH = 1000, 1600, 0.5
 STALLS = 3
 # Loads and lengths below this are nothing.
 LEAST = 1e-12
-# Step of the difference that gives the rate of the contact radius within a soft core, of the parameter and of h in ranges:
-# the cube root of rounding.
+# Step of the difference that gives the rate of the contact radius within a soft core, of the parameter and of h in
+# ranges: the cube root of rounding.
 SOFT_STEP = 6e-6
 # Ratio of neighbouring panels next to edges of regions that have moved, from which on a mesh is made anew.
 OUTGROWN = 9.0
