@@ -37,12 +37,14 @@ if TYPE_CHECKING:
         Cone as Cone,
         EllipticParaboloid as EllipticParaboloid,
         HeightMap as HeightMap,
+        Hyperboloid as Hyperboloid,
         Parabola as Parabola,
         PowerLaw as PowerLaw,
         Profile as Profile,
         SphericalCap as SphericalCap,
         Tip as Tip,
         TipShape as TipShape,
+        WavySphere as WavySphere,
     )
     from contbranch.control import Spring as Spring
     from contbranch.curve.follow import follow as follow
@@ -87,7 +89,8 @@ __getattr__, __dir__, __all__ = lazily(
         ".contact.interactions": "DoubleLayer Exponential Gauss Interaction InverseSquare Layered "
         "LennardJones MaugisDugdale Response Sum Tabulated VanDerWaals",
         ".contact.surface_forces": "hamaker hydration structural",
-        ".contact.tips": "Cone EllipticParaboloid HeightMap Parabola PowerLaw Profile SphericalCap Tip TipShape",
+        ".contact.tips": "Cone EllipticParaboloid HeightMap Hyperboloid Parabola PowerLaw Profile SphericalCap Tip "
+        "TipShape WavySphere",
         ".control": "Spring",
         ".errors": "InputError ModelError Stop",
         ".advice": "advise",

@@ -12,7 +12,7 @@ import numpy as np
 from contbranch.api import checked, trace
 from contbranch.contact.contact import Contact
 from contbranch.contact.interactions import MaugisDugdale
-from contbranch.contact.tips import Cone, Parabola, PowerLaw
+from contbranch.contact.tips import Parabola
 from contbranch.contact.units import finite_number
 from contbranch.control import LOAD, Control, Spring, as_control
 from contbranch.errors import InputError
@@ -21,7 +21,6 @@ from contbranch.models.exact.model import Exact
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Cost, Diagram, ModelChoice
 from contbranch.theory import dmt, jkr, maugis
-from contbranch.theory._power_law import PowerLaw as Transformed
 from contbranch.threads import one_thread
 from contbranch.watch import patient
 
@@ -33,6 +32,9 @@ REACHES, DIGIT = 1e-11, 1.12
 
 # A contact is near a limit whose pull-off load is off by less; a theory that is better than this is recommended.
 NEAR, ENOUGH = 0.05, 0.01
+
+# Contact radii, in reduced units, between which JKR's theory has its folds.
+RADII = np.geomspace(1e-4, 1e2, 600)
 
 LOST = ("pull_off", "jump_in", "squeeze_out", "wetting")
 
@@ -182,14 +184,17 @@ def _dmt(contact: Contact, _: Control) -> Thresholds | None:
 
 
 def _jkr(contact: Contact, _: Control) -> Thresholds | None:
-    if not isinstance(contact.tip, Parabola | Cone | PowerLaw) or _work(contact) <= 0.0:
+    tip, work = contact.tip.axisymmetric, _work(contact)
+    if tip is None or work <= 0.0:
         return None
-    tip = Transformed(np.asarray(contact.tip.apex_exponent), contact.tip.transform(1.0))
-    load, displacement = (jkr.fold(tip, share, 1.0, _work(contact)) for share in (1.5, 0.5))
+    radii = RADII[tip.extent > RADII]
+    loads, displacements = (jkr.folds(tip, radii, kind, work_of_adhesion=work) for kind in ("load", "displacement"))
+    if not (loads and displacements):
+        return None
     # Without range nothing is felt before the surfaces meet.
     return {
-        "pull_off_load": float(load.load),
-        "pull_off_displacement": float(displacement.displacement),
+        "pull_off_load": min(float(fold.load) for fold in loads),
+        "pull_off_displacement": min(float(fold.displacement) for fold in displacements),
         "jump_in_displacement": 0.0,
     }
 

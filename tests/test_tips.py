@@ -229,6 +229,9 @@ def test_a_tip_of_the_users_own_needs_no_integrals():
         def height(self, r):
             return np.asarray(r) ** 2 / (2 * self.radius)
 
+        def height_derivative(self, r):
+            return np.asarray(r) / self.radius
+
         def transform(self, t):
             return np.asarray(t) ** 2 / self.radius
 
@@ -370,7 +373,6 @@ class TestProfile:
             ([0, 1, 2, math.nan], [0, 1, 2, 3], "radii: entry 4 is nan"),
             ([0, 1, 2, 3], [0, 1, "x", 3], "heights: not all are numbers"),
             ([[0, 1], [2, 3]], [0, 1, 2, 3], "radii: shape"),
-            ([0, 1, 2, 3, 4, 5], [0, 1, 1.001, 1.002, 1.003, 9], "heights: their Abel transform"),
             (np.arange(1001), np.arange(1001) ** 2, "radii: 1001 entries"),
         ],
     )
@@ -419,7 +421,7 @@ def test_tips_are_immutable_values():
 
 
 def test_every_shape_is_found_by_its_name():
-    axisymmetric = {"parabola", "cone", "power-law", "spherical-cap", "profile"}
+    axisymmetric = {"parabola", "cone", "power-law", "spherical-cap", "profile", "hyperboloid", "wavy-sphere"}
     assert set(TIPS) == {*axisymmetric, "elliptic-paraboloid", "height-map"}
     assert {name for name in TIPS if issubclass(TIPS[name], Tip)} == axisymmetric
     assert all(TIPS[name].name == name for name in TIPS)

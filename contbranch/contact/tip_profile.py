@@ -20,7 +20,6 @@ from contbranch.errors import InputError
 
 End = Literal["not-a-knot", "clamped", "natural"]
 
-_LOOKS = 17  # places on a piece at which its slope is looked at
 _MOST_ROWS = 1000  # the fit solves a dense system of that order
 # The table's length in units of ρ where heights that scatter are smoothed.
 _BEND = 4.0
@@ -93,12 +92,6 @@ def _continued(pieces: scipy.interpolate.PPoly) -> scipy.interpolate.PPoly:
     return scipy.interpolate.PPoly(np.concatenate([pieces.c, last], axis=1), np.append(pieces.x, 2.0 * end))
 
 
-def _rises(pieces: scipy.interpolate.PPoly) -> bool:
-    """Whether the cubic pieces have a positive slope for t > 0."""
-    places = np.linspace(pieces.x[:-1], pieces.x[1:], _LOOKS).ravel()
-    return bool(np.all(pieces(places[places > 0.0], 1) > 0.0) and pieces(0.0, 1) >= 0.0)
-
-
 def _kernels(x: Array, least: int = 1) -> Array:
     """Return K_m(θ) = ∫_0^θ (cos φ - cos θ)^m dφ, Legendre functions of cos θ (Mehler, Dirichlet), m = `least` … 3.
 
@@ -143,6 +136,7 @@ class Profile(Tip):
     """
 
     name = "profile"
+    closed = True
     dimensions: ClassVar[Mapping[str, str]] = {"radii": "length", "heights": "length", "apex": "text"}
 
     radii: tuple[float, ...]
@@ -164,10 +158,7 @@ class Profile(Tip):
         pieces = _fit(radii, heights, sharp, "not-a-knot")
         if pieces(radii[-1], 2) < 0.0:  # would bend down beyond the table: let it end straight
             pieces = _fit(radii, heights, sharp, "natural")
-        pieces = _continued(pieces)
-        if not _rises(pieces):
-            raise InputError("heights: their Abel transform does not increase everywhere; smooth or thin out the table")
-        object.__setattr__(self, "_spline", pieces)
+        object.__setattr__(self, "_spline", _continued(pieces))
 
     @cached_property
     def _integrals(self) -> tuple[scipy.interpolate.PPoly, scipy.interpolate.PPoly]:

@@ -26,6 +26,18 @@ _TOWARDS_EDGE = (0.0, 0.02, 0.1, 0.4, 1.5, math.inf)
 _ROUND = 4.0  # apex exponent from which on polynomials tell ζ'/t next to the apex
 
 
+# Change of integrals of the transform by twice as many panels that is rounding, panels at most, and the radii for which
+# they are counted, as powers of 2 of the natural length.
+RESOLVED, MOST_PANELS, OCTAVES = 1e-12, 128, range(-8, 5)
+
+
+@cache
+def _composite(panels: int) -> tuple[Array, Array]:
+    """Return nodes and weights of the rule on each of so many equal parts of [0, 1]."""
+    x, w = gauss_rule()
+    return ((np.arange(panels)[:, None] + x) / panels).ravel(), np.tile(w, panels) / panels
+
+
 @cache
 def gauss_rule(order: int = _ORDER) -> tuple[Array, Array]:
     """Return (order,) nodes and weights of Gauss and Legendre on [0, 1]."""
@@ -123,10 +135,41 @@ class Tip(TipShape):
     to rounding where the transform is analytic.
     """
 
+    closed: ClassVar[bool] = False  # whether what is integrated is a polynomial, or known otherwise
+
     @property
     def axisymmetric(self) -> Tip:
         """The tip itself."""
         return self
+
+    @property
+    def limitation(self) -> str:
+        """How well quadrature resolves the transform, where that is not to rounding."""
+        worst = 0.0 if self.closed else max(self._panels(k)[1] for k in OCTAVES)
+        return "" if worst <= RESOLVED else f"integrals of its transform are resolved to {worst:.1g} only"
+
+    def rule(self, reach: float) -> tuple[Array, Array]:
+        """Return nodes and weights of quadrature on [0, 1] for functions of the transform up to a radius."""
+        if self.closed:
+            return gauss_rule()
+        octave = math.ceil(math.log2(max(reach / self.natural_length, 1e-300)))
+        return _composite(self._panels(max(octave, OCTAVES[0]))[0])
+
+    def _panels(self, octave: int) -> tuple[int, float]:
+        """Return the panels for radii up to 2^k natural lengths, and what twice as many change, relative."""
+        known: dict[int, tuple[int, float]] = self.__dict__.setdefault("_known_panels", {})
+        if octave not in known:
+            reach, panels = min(self.natural_length * 2.0**octave, 0.5 * self.extent), 1
+            before: Array = np.full(2, math.inf)
+            while panels <= MOST_PANELS:
+                x, w = _composite(panels)
+                found = np.array([self.transform_derivative(reach * one) @ w for one in (x, np.sin(0.5 * math.pi * x))])
+                changed = float(np.abs(found - before).max() / max(np.abs(found).max(), 1e-300))
+                if changed <= RESOLVED:
+                    break
+                before, panels = found, 2 * panels
+            known[octave] = max(panels // 2, 1), changed
+        return known[octave]
 
     @property
     def extent(self) -> float:
@@ -173,8 +216,8 @@ class Tip(TipShape):
 
     def _integral(self, a: ArrayLike, power: int) -> Array:
         """Return ∫_0^a ζ^m dt."""
-        x, w = gauss_rule()
         end = np.asarray(a, dtype=float)
+        x, w = self.rule(float(np.max(end, initial=0.0)))
         return end * (self.transform(end[..., None] * x) ** power @ w)
 
     def contact_pressure(self, r: ArrayLike, a: float) -> Array:
@@ -192,7 +235,7 @@ class Tip(TipShape):
         """
         r = np.asarray(r, dtype=float)
         own, reach = r[..., None], np.sqrt(np.maximum((a - r) * (a + r), 0.0))
-        x, w = gauss_rule()
+        x, w = self.rule(a)
         if self.apex_exponent < _ROUND:  # t = r cosh y
             y, found = np.arcsinh(reach / np.where(r > 0.0, r, 1.0)), np.zeros_like(r)
             ends = _TOWARDS_EDGE if math.isfinite(self.extent) else (0.0, math.inf)
@@ -246,7 +289,7 @@ class Tip(TipShape):
 
     def _gap_near(self, rho: Array, a: float) -> tuple[Array, Array]:
         """Return gap and slope for ρ < a: with τ = ρ sin ψ, t² = a² + τ², g = (2/π) ∫_0^(π/2) (ζ(t) - ζ(a)) τ/t dψ."""
-        x, w = gauss_rule()
+        x, w = self.rule(2.0 * a)
         tau = rho[..., None] * np.sin(0.5 * math.pi * x)
         t = np.sqrt(a * a + tau * tau)
         ratio = tau / t
@@ -256,19 +299,19 @@ class Tip(TipShape):
         return (rise * ratio) @ w, turn @ w
 
     def _gap_far(self, rho: Array, a: float) -> tuple[Array, Array]:
-        """Return gap and slope for ρ ≥ a: with t = r sin θ, g = (2/π) ∫ (ζ(t) - ζ(a)) dθ from arcsin(a/r) to π/2."""
-        x, w = gauss_rule()
+        """Return gap and slope for ρ ≥ a: g = z(r) - (2/π) [∫_0^a ζ(t)/√(r² - t²) dt + ζ(a) arccos(a/r)]."""
         r2 = rho * rho + a * a
+        r = np.sqrt(r2)
+        level, slope_at_rim = float(self.transform(a)), float(self.transform_derivative(a))
         angle = np.where(r2 > 0.0, np.arctan2(rho, a), 0.5 * math.pi)
-        sine = np.cos(angle[..., None] * x)  # x runs from π/2 downwards
-        t = np.sqrt(r2)[..., None] * sine
-        rise = self.transform(t) - float(self.transform(a))
-        slope_at_rim = float(self.transform_derivative(a))
-        # dr/da = a/r at fixed ρ; at r = 0 the ratio is 0/0 and the rim's own slope is all there is
-        ratio = np.divide(a, np.sqrt(r2), out=np.zeros_like(r2), where=r2 > 0.0)
-        turn = self.transform_derivative(t) * sine * ratio[..., None] - slope_at_rim
-        factor = (2.0 / math.pi) * angle
-        return factor * (rise @ w), factor * (turn @ w)
+        if a == 0.0:
+            return np.asarray(self.height(r), dtype=float), np.full_like(r, -slope_at_rim)
+        x, w = self.rule(a)
+        t, values = a * x, a * w * self.transform(a * x)
+        left = r2[..., None] - t * t
+        gap = self.height(r) - (2.0 / math.pi) * ((values / np.sqrt(left)).sum(axis=-1) + level * angle)
+        inner = level * (1.0 / rho - rho / r2) - a * (values / left**1.5).sum(axis=-1)
+        return gap, self.height_derivative(r) * (a / r) - (2.0 / math.pi) * (inner + slope_at_rim * angle)
 
     def _rise(self, a: float, tau: Array, t: Array) -> Array:
         """Return ζ(t) - ζ(a) for t² = a² + τ²; shapes override it that have it without cancellation."""

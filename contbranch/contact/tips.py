@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -21,7 +21,7 @@ from contbranch.contact.height_map import HeightMap
 from contbranch.contact.tip_profile import Profile
 from contbranch.contact.tip_shape import Tip, TipShape, gauss_rule
 from contbranch.contact.tip_surface import EllipticParaboloid
-from contbranch.contact.units import make_positive
+from contbranch.contact.units import finite_number, make_positive, positive_number
 from contbranch.errors import InputError
 
 __all__ = [
@@ -29,18 +29,26 @@ __all__ = [
     "Cone",
     "EllipticParaboloid",
     "HeightMap",
+    "Hyperboloid",
     "Parabola",
     "PowerLaw",
     "Profile",
     "SphericalCap",
     "Tip",
     "TipShape",
+    "WavySphere",
 ]
+
+
+# Step of tables of Struve functions, of which a spline of degree 7 is right to 1e-14.
+_STRUVE_STEP = 0.05
 
 
 @dataclass(frozen=True)
 class _Monomial(Tip):
     """z = s rⁿ/n, ζ = c tⁿ with n = `apex_exponent`, s = `_amplitude` and c = s B(n/2, 1/2)/2, B the beta function."""
+
+    closed = True
 
     def __post_init__(self) -> None:
         make_positive(self, *self.parameters())
@@ -240,6 +248,163 @@ _CAP_SERIES = 1.0 / ((2.0 * np.arange(20.0) + 1.0) * (2.0 * np.arange(20.0) + 3.
 
 
 @dataclass(frozen=True)
+class WavySphere(Tip):
+    """z = r²/(2R) + A (1 - cos(2πr/λ)): a sphere with concentric waves (P. R. Guduru, J. Mech. Phys. Solids 55, 445
+    (2007)), or with a dimple or bump of the size of its first wave.
+
+    Attributes
+    ----------
+    radius
+        R > 0 of the sphere, a length.
+    amplitude
+        A, a height; A < 0 begins with a bump that is blunter than the sphere, as long as 1/R + (2π/λ)² A > 0.
+    wavelength
+        λ > 0, a length.
+    """
+
+    name = "wavy-sphere"
+    dimensions: ClassVar[Mapping[str, str]] = {"radius": "length", "amplitude": "length", "wavelength": "length"}
+
+    radius: float
+    amplitude: float
+    wavelength: float
+
+    def __post_init__(self) -> None:
+        make_positive(self, "radius", "wavelength")
+        object.__setattr__(self, "amplitude", finite_number(self.amplitude, "amplitude"))
+        if self._curvature <= 0.0:
+            raise InputError(
+                f"amplitude: {self.amplitude:g}; must be above {-1.0 / (self.radius * self._wave**2):g}: otherwise the "
+                "apex is no summit"
+            )
+
+    @property
+    def _wave(self) -> float:
+        return 2.0 * math.pi / self.wavelength
+
+    @property
+    def _curvature(self) -> float:
+        return 1.0 / self.radius + self.amplitude * self._wave**2
+
+    @property
+    def natural_length(self) -> float:
+        """R."""
+        return self.radius
+
+    def height(self, r: ArrayLike) -> Array:
+        """Return the profile z(r)."""
+        r = np.asarray(r, dtype=float)
+        return np.asarray(r * r / (2.0 * self.radius) + 2.0 * self.amplitude * np.sin(0.5 * self._wave * r) ** 2)
+
+    def height_derivative(self, r: ArrayLike) -> Array:
+        """Return z'(r)."""
+        r = np.asarray(r, dtype=float)
+        return np.asarray(r / self.radius + self.amplitude * self._wave * np.sin(self._wave * r))
+
+    def transform(self, t: ArrayLike) -> Array:
+        """Return ζ = t²/R + (π/2) A k t H₀(k t), with Struve's function."""
+        t = np.asarray(t, dtype=float)
+        x = self._wave * t
+        return np.asarray(t * t / self.radius + 0.5 * math.pi * self.amplitude * x * _struve(0, x))
+
+    def transform_derivative(self, t: ArrayLike) -> Array:
+        """Return ζ' = 2t/R + (π/2) A k [H₀(k t) + k t (2/π - H₁(k t))]."""
+        t = np.asarray(t, dtype=float)
+        x = self._wave * t
+        waves = _struve(0, x) + x * (2.0 / math.pi - _struve(1, x))
+        return np.asarray(2.0 * t / self.radius + 0.5 * math.pi * self.amplitude * self._wave * waves)
+
+    def scaled(self, in_plane: float, normal: float) -> WavySphere:
+        """Return the tip in other units."""
+        radius = self.radius * normal / in_plane**2
+        return WavySphere(radius, self.amplitude / normal, self.wavelength / in_plane)
+
+
+def _struve(order: int, x: Array) -> Array:
+    """Return Struve's function, from a table: SciPy's takes 5 µs each."""
+    return np.asarray(_struve_spline(order, max(3, math.ceil(math.log2(float(np.max(x, initial=0.0)) + 1.0))))(x))
+
+
+@cache
+def _struve_spline(order: int, octave: int) -> scipy.interpolate.BSpline:
+    x = np.arange(0.0, 2.0**octave + _STRUVE_STEP, _STRUVE_STEP)
+    return scipy.interpolate.make_interp_spline(x, scipy.special.struve(order, x), 7)
+
+
+@dataclass(frozen=True)
+class Hyperboloid(Tip):
+    """z = s (√(r² + b²) - b) with b = s R: a cone with a round end, as of conical and pyramidal probes.
+
+    Its transform is that of B. B. Akhremitchev and G. C. Walker, Langmuir 15, 5630 (1999).
+
+    Attributes
+    ----------
+    slope
+        s > 0 of the cone, the cotangent of its half angle.
+    radius
+        R > 0 of the end, a length.
+    """
+
+    name = "hyperboloid"
+    dimensions: ClassVar[Mapping[str, str]] = {"radius": "length"}
+
+    slope: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        make_positive(self, "slope", "radius")
+
+    @staticmethod
+    def pyramid(half_angle: float, radius: float) -> Hyperboloid:
+        """Return the tip whose cross sections far from its end are as large as those of a pyramid with four sides.
+
+        Parameters
+        ----------
+        half_angle
+            Between axis and faces, in degrees.
+        radius
+            Of the end.
+        """
+        angle = positive_number(half_angle, "half_angle")
+        if angle >= 90.0:
+            raise InputError(f"half_angle: {angle:g}; must be below 90 degrees")
+        return Hyperboloid(0.5 * math.sqrt(math.pi) / math.tan(math.radians(angle)), radius)
+
+    @property
+    def _width(self) -> float:
+        return self.slope * self.radius
+
+    @property
+    def natural_length(self) -> float:
+        """R."""
+        return self.radius
+
+    def height(self, r: ArrayLike) -> Array:
+        """Return the profile z(r)."""
+        r = np.asarray(r, dtype=float)
+        return np.asarray(self.slope * r * (r / (np.hypot(r, self._width) + self._width)))
+
+    def height_derivative(self, r: ArrayLike) -> Array:
+        """Return z'(r)."""
+        r = np.asarray(r, dtype=float)
+        return np.asarray(self.slope * r / np.hypot(r, self._width))
+
+    def transform(self, t: ArrayLike) -> Array:
+        """Return ζ = s t arctan(t/b)."""
+        t = np.asarray(t, dtype=float)
+        return np.asarray(self.slope * t * np.arctan(t / self._width))
+
+    def transform_derivative(self, t: ArrayLike) -> Array:
+        """Return ζ' = s [arctan(t/b) + bt/(b² + t²)]."""
+        x = np.asarray(t, dtype=float) / self._width
+        return np.asarray(self.slope * (np.arctan(x) + x / (1.0 + x * x)))
+
+    def scaled(self, in_plane: float, normal: float) -> Hyperboloid:
+        """Return the tip in other units."""
+        return Hyperboloid(self.slope * in_plane / normal, self.radius * normal / in_plane**2)
+
+
+@dataclass(frozen=True)
 class SphericalCap(Tip):
     """z = σ (R - √(R²-r²)) for r < R, ζ = σ t artanh(t/R); beyond r = R there is no tip and heights are infinite.
 
@@ -251,6 +416,7 @@ class SphericalCap(Tip):
         σ, the ratio of the unit of lengths to that of heights; 1 unless the two differ, as in reduced units.
     """
 
+    closed = True
     name = "spherical-cap"
     dimensions: ClassVar[Mapping[str, str]] = {"radius": "length"}
 
@@ -365,5 +531,7 @@ _SHAPES: tuple[type[TipShape], ...] = (
     Profile,
     EllipticParaboloid,
     HeightMap,
+    Hyperboloid,
+    WavySphere,
 )
 TIPS: Mapping[str, type[TipShape]] = {shape.name: shape for shape in _SHAPES}

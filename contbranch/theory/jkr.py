@@ -12,12 +12,16 @@ K. L. Johnson, K. Kendall and A. D. Roberts, Proc. R. Soc. A 324, 301 (1971).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from contbranch.arrays import Array
+from contbranch.contact.tip_shape import Tip
+from contbranch.errors import InputError, look_up
 from contbranch.theory._inputs import not_below, not_negative, positive
 from contbranch.theory._power_law import PowerLaw, with_shape
 from contbranch.theory._roots import rising
@@ -30,8 +34,10 @@ __all__ = [
     "cone_load_fold",
     "contact_radius",
     "contact_radius_at_displacement",
+    "curve",
     "displacement",
     "displacement_fold",
+    "folds",
     "load",
     "load_fold",
     "power_law_displacement",
@@ -150,6 +156,67 @@ def displacement_fold(*, modulus: ArrayLike = 1.0, work_of_adhesion: ArrayLike =
     a = 2 w / (pi E slope^2).
     """
     return fold(PowerLaw.of(**shape), 0.5, modulus, work_of_adhesion)
+
+
+def curve(tip: Tip, radii: ArrayLike, *, modulus: float = 1.0, work_of_adhesion: float = 1.0) -> tuple[Array, Array]:
+    """Return load and displacement of any axisymmetric tip, d = zeta(a) - sqrt(2 pi a w/E), F = 2 E [d a - int zeta].
+
+    Parameters
+    ----------
+    tip : Tip
+        Such as ``WavySphere(radius, amplitude, wavelength)``.
+    radii : array_like (M,)
+        Contact radii a >= 0 within the tip. The contact is a disc: where a wavy tip would touch outside of it, too, the
+        curve is that of a contact which has been pressed together before.
+    modulus, work_of_adhesion : float
+        E and w > 0.
+
+    Returns
+    -------
+    load, displacement : array (M,)
+
+    Raises
+    ------
+    InputError
+        If the tip is not axisymmetric, a radius negative or a constant not positive.
+    """
+    if not isinstance(tip, Tip):
+        raise InputError(f"tip: {type(tip).__name__}; must be an axisymmetric tip such as Parabola(1.0)")
+    a = not_negative("radii", radii)
+    e, w = positive("modulus", modulus), positive("work_of_adhesion", work_of_adhesion)
+    d = tip.transform(a) - np.sqrt(2.0 * np.pi * a * w / e)
+    return np.asarray(2.0 * e * (d * a - tip.transform_integral(a))), np.asarray(d)
+
+
+def folds(
+    tip: Tip, radii: ArrayLike, control: str = "load", *, modulus: float = 1.0, work_of_adhesion: float = 1.0
+) -> list[Fold]:
+    """Return the extrema of load or displacement of `curve`: a zeta'(a) = share sqrt(2 pi a w/E), share 3/2 or 1/2.
+
+    Parameters
+    ----------
+    tip, modulus, work_of_adhesion
+        As in `curve`.
+    radii : array_like (M,)
+        Increasing contact radii > 0; an extremum is found where the slope has different signs at neighbouring ones.
+    control : {"load", "displacement"}
+
+    Returns
+    -------
+    list of Fold
+        By contact radius.
+    """
+    share: float = look_up(control, {"load": 1.5, "displacement": 0.5}, "control")
+    neck = share * math.sqrt(2.0 * math.pi * work_of_adhesion / modulus)
+
+    def slope(a: float) -> float:
+        return math.sqrt(a) * float(tip.transform_derivative(a)) - neck
+
+    places = np.asarray(radii, dtype=float)
+    changes = np.flatnonzero(np.diff(np.sign(np.sqrt(places) * tip.transform_derivative(places) - neck)))
+    roots = [brentq(slope, float(places[k]), float(places[k + 1]), rtol=1e-14) for k in changes]
+    loads, displacements = curve(tip, roots, modulus=modulus, work_of_adhesion=work_of_adhesion)
+    return [Fold(*map(np.asarray, one)) for one in zip(loads, displacements, roots, strict=True)]
 
 
 # The same for a cone and for other powers, where no parabola is meant.

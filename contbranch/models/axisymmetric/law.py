@@ -22,9 +22,9 @@ PLACES_PER_WAVE, WEAKEST_LAYER = 64, 1e-3
 class BandedLaw:
     """Levels of the gap at which the pressure jumps, and the smooth law in the bands between them.
 
-    Level 0 is the wall, ``g = 0``, or less within a soft core; every Maugis–Dugdale law adds a level at its range. Where
-    a repulsion ends the gap may rest with any pressure between those of both sides; where an attraction does the gap passes. Band `k` lies
-    between level `k` and level `k + 1` (or infinity).
+    Level 0 is the wall, ``g = 0``, or less within a soft core; every Maugis–Dugdale law adds a level at its range.
+    Where a repulsion ends the gap may rest with any pressure between those of both sides; where an attraction does the
+    gap passes. Band `k` lies between level `k` and level `k + 1` (or infinity).
 
     Parameters
     ----------
