@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         solve as solve,
         trace as trace,
     )
+    from contbranch.contact.bodies import Coating as Coating, ElasticLayer as ElasticLayer
     from contbranch.contact.contact import Contact as Contact
     from contbranch.contact.interactions import (
         DoubleLayer as DoubleLayer,
@@ -85,6 +86,7 @@ __version__ = "0.2.0"
 __getattr__, __dir__, __all__ = lazily(
     __name__,
     {
+        ".contact.bodies": "Coating ElasticLayer",
         ".contact.contact": "Contact",
         ".contact.interactions": "DoubleLayer Exponential Gauss Interaction InverseSquare Layered "
         "LennardJones MaugisDugdale Response Sum Tabulated VanDerWaals",

@@ -6,12 +6,13 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from contbranch.arrays import plain
+from contbranch.contact.bodies import Body, body_of
 from contbranch.contact.interaction_law import terms_of
 from contbranch.contact.interactions import INTERACTIONS, Interaction
 from contbranch.contact.surface_forces import SURFACE_FORCES, SurfaceForce
@@ -25,7 +26,7 @@ LARGEST, WIDEST = 1e60, 1e12
 
 
 # What makes a tip or a law from its parameters.
-Part = type[TipShape] | type[Interaction] | SurfaceForce
+Part = type[TipShape] | type[Interaction] | type[Body] | SurfaceForce
 # Parameters that are pairs of numbers.
 PAIRS = ("surface_potentials", "surface_charges")
 
@@ -88,7 +89,7 @@ def _rebuilt(description: Mapping[str, object], known: Mapping[str, Any], key: s
 
 @dataclass(frozen=True)
 class Contact:
-    """A rigid tip on an elastic half space with a finite-range interaction; immutable and hashable.
+    """A rigid tip on an elastic half space or layer with a finite-range interaction; immutable and hashable.
 
     Attributes
     ----------
@@ -100,12 +101,15 @@ class Contact:
         The effective (contact) modulus E > 0.
     units
         `REDUCED` or `PHYSICAL` (nN and nm): what the numbers of tip, law and modulus mean.
+    body
+        What is in place of the half space: `ElasticLayer` or `Coating`, to the layer of which the modulus belongs.
     """
 
     tip: TipShape
     interaction: Interaction | None = None
     modulus: float = 1.0
     units: Units = REDUCED
+    body: Body | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.tip, TipShape):
@@ -115,6 +119,8 @@ class Contact:
             raise InputError(
                 f"interaction: {kind}; must be a law such as Gauss(work_of_adhesion=1.0, range=0.5) or None"
             )
+        if self.body is not None and not isinstance(self.body, Body):
+            raise InputError(f"body: {type(self.body).__name__}; must be ElasticLayer(...), Coating(...) or None")
         if not isinstance(self.units, Units):
             raise InputError(f"units: {self.units!r}; must be REDUCED or PHYSICAL")
         object.__setattr__(self, "modulus", positive_number(self.modulus, "modulus"))
@@ -152,6 +158,7 @@ class Contact:
         modulus: object = None,
         tip: str | TipShape = "parabola",
         interaction: str | type[Interaction] | Interaction | None = None,
+        body: Body | None = None,
         **quantities: object,
     ) -> Contact:
         """Return a contact in physical units, kept in nN and nm.
@@ -164,6 +171,8 @@ class Contact:
             The name of a shape, or a tip in nm.
         interaction
             The name or class of a law, or a law in nN and nm, or None.
+        body
+            A layered body in nm and nN/nm², or None.
         **quantities
             Parameters of the tip's shape and of the law, such as ``radius="1 um"``, ``work_of_adhesion="-40 mN/m"``,
             ``range="1 nm"``: texts with units, or numbers in nm, nN/nm and nN/nm².
@@ -196,7 +205,7 @@ class Contact:
 
         shape = built(shape_kind) if shape_kind else tip
         law = built(law_kind) if law_kind else interaction
-        return Contact(shape, law, parse(modulus, "pressure", "modulus"), PHYSICAL)  # type: ignore[arg-type]
+        return Contact(shape, law, parse(modulus, "pressure", "modulus"), PHYSICAL, body)  # type: ignore[arg-type]
 
     @staticmethod
     def from_file(path: str | Path) -> Contact:
@@ -219,14 +228,16 @@ class Contact:
         tip = _rebuilt(description.get("tip", {}), TIPS, "shape", "tip")
         laws = description.get("interaction", [])
         terms = [_rebuilt(law, INTERACTIONS, "law", f"interaction[{k}]") for k, law in enumerate(laws)]
-        return Contact(tip, sum(terms) or None, description.get("material", {}).get("modulus"), units)
+        material = dict(description.get("material", {}))
+        modulus = material.pop("modulus", None)
+        return Contact(tip, sum(terms) or None, modulus, units, body_of(material))
 
     def describe(self) -> dict[str, Any]:
         """Return the contact as JSON can hold it, in its own units; `from_description` makes it again."""
         return {
             "units": self.units.kind,
             "tip": _description(self.tip, TIPS, "shape"),
-            "material": {"modulus": self.modulus},
+            "material": {"modulus": self.modulus, **({} if self.body is None else self.body.parameters())},
             "interaction": [_description(law, INTERACTIONS, "law") for law in terms_of(self.interaction)],
             "tabor": self.tabor,
         }
@@ -296,7 +307,8 @@ class Contact:
         """Return the same contact in reduced units: modulus, reference work and the tip's scale are 1."""
         scales = self.scales
         if (scales.in_plane, scales.normal, scales.modulus) == (1.0, 1.0, 1.0):
-            return self if self.units == REDUCED else Contact(self.tip, self.interaction, 1.0)
+            return replace(self, units=REDUCED)
         law = self.interaction
         reduced = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
-        return Contact(self.tip.scaled(scales.in_plane, scales.normal), reduced, 1.0)
+        body = None if self.body is None else self.body.scaled(scales.in_plane, scales.modulus)
+        return Contact(self.tip.scaled(scales.in_plane, scales.normal), reduced, 1.0, REDUCED, body)

@@ -95,7 +95,8 @@ class Family:
         scales = self.scales(contact)
         law = contact.interaction
         scaled = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
-        return Contact(contact.axisymmetric_tip.scaled(scales.in_plane, scales.normal), scaled), scales
+        body = None if contact.body is None else contact.body.scaled(scales.in_plane, scales.modulus)
+        return Contact(contact.axisymmetric_tip.scaled(scales.in_plane, scales.normal), scaled, body=body), scales
 
 
 def family_of(

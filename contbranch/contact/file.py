@@ -7,6 +7,9 @@
     radius = "1 um"
     [material]
     modulus = "5 GPa"               # effective modulus
+    thickness = "3 um"              # of a layer; none: a half space
+    poisson = 0.5
+    base = "bonded"                 # or frictionless; of a coating substrate_modulus and substrate_poisson
     [[interaction]]                 # one table for each law of the sum; none: no interaction
     law = "gauss"
     work_of_adhesion = "-40 mN/m"   # < 0 repels
@@ -47,6 +50,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from contbranch.contact.bodies import Coating, ElasticLayer, body_of
 from contbranch.contact.contact import PAIRS, Contact, Part, dimensions, make
 from contbranch.contact.height_map import HeightMap
 from contbranch.contact.interaction_law import places_of
@@ -110,7 +114,8 @@ def read_contact(path: str | Path) -> tuple[Contact, _Table]:
         _table(document[name], name)
     reader = _Reader(Path(path).parent)
     tip, material = reader.tip(document["tip"]), document["material"]
-    refuse_unknown(material, ("modulus",), "material.")
+    known = {name: dimension for kind in (ElasticLayer, Coating) for name, dimension in dimensions(kind).items()}
+    refuse_unknown(material, ("modulus", *known), "material.")
     if "modulus" not in material:
         raise InputError("material.modulus: missing; give the effective modulus, for example '5 GPa'")
     modulus = positive_number(reader.number(material["modulus"], "pressure", "material.modulus"), "material.modulus")
@@ -119,7 +124,12 @@ def read_contact(path: str | Path) -> tuple[Contact, _Table]:
         raise InputError("interaction: is a single table; write [[interaction]], one for each law of the sum")
     terms = [reader.law(_table(law, name), name) for law, name in zip(laws, places_of(laws), strict=True)]
     options = reader.options(_table(document.get("trace", {}), "trace"))
-    return Contact(tip, sum(terms) or None, modulus, reader.units), options
+    layer = reader.quantities({k: value for k, value in material.items() if k != "modulus"}, known, "material.")
+    try:
+        body = body_of(layer)
+    except InputError as error:
+        raise InputError(f"material.{error}") from None
+    return Contact(tip, sum(terms) or None, modulus, reader.units, body), options
 
 
 def parsed(path: Path) -> _Table:
@@ -238,6 +248,10 @@ class _Reader:
         """Return the values of a table whose keys are parameters of `kind`; others are left to `make` to refuse."""
         known = dimensions(kind)
         refuse_unknown(table, known, prefix)
+        return self.quantities(table, known, prefix)
+
+    def quantities(self, table: _Table, known: Mapping[str, str], prefix: str) -> _Table:
+        """Return the values of a table by the dimensions of its keys."""
 
         def read(value: object, name: str) -> object:
             if known[name] == "text":

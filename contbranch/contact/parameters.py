@@ -41,6 +41,7 @@ def numbers_of(contact: Contact) -> dict[str, Parameter]:
         tip, *terms = (with_number(part, name, value) if i == k else part for i, part in enumerate(parts))
         return replace(contact, tip=tip, interaction=sum(terms) or None)
 
+    body: Any = contact.body
     modulus = Parameter("modulus", contact.modulus, "pressure", lambda value: replace(contact, modulus=value))
     found = {"modulus": modulus}
     for k, part in enumerate(parts):
@@ -51,6 +52,10 @@ def numbers_of(contact: Contact) -> dict[str, Parameter]:
                 own = name + end if k and len(parts) > 2 else name
                 made = partial(changed, k=k, name=name)
                 found[f"{place}.{name}"] = Parameter(own, float(value), known[name], made)
+    for name, value in {} if body is None else body.parameters().items():
+        if isinstance(value, float):
+            made = partial(lambda value, own: replace(contact, body=with_number(body, own, value)), own=name)
+            found[f"material.{name}"] = Parameter(name, value, dimensions(type(body))[name], made)
     return found
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -112,9 +113,9 @@ def _powers(contact: Contact, values: Mapping[str, float]) -> tuple[dict[str, Ar
     for in_plane, normal, modulus in UNITS:
         energy = modulus * normal**2 / in_plane
         changed = None if law is None else law.scaled(1.0 / normal, 1.0 / energy)
-        other = Contact(
-            contact.axisymmetric_tip.scaled(1.0 / in_plane, 1.0 / normal), changed, contact.modulus * modulus
-        )
+        tip = contact.axisymmetric_tip.scaled(1.0 / in_plane, 1.0 / normal)
+        body = None if contact.body is None else contact.body.scaled(1.0 / in_plane, 1.0 / modulus)
+        other = replace(contact, tip=tip, interaction=changed, modulus=contact.modulus * modulus, body=body)
         scaled.append({name: one.value for name, one in parameters_of(other).items()})
         grown.append(np.log2(np.divide(_tables(other), tables)).round(9))
     freedoms = scipy.linalg.null_space(np.transpose(grown)).T if tables else np.eye(3)

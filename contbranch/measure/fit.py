@@ -270,6 +270,8 @@ class _Fitting:
             contact = _with_law(contact, "maugis-dugdale" if limit else name)
         if limit and not isinstance(contact.tip, Parabola):
             raise InputError(f"law: {limit}; is for a parabola")
+        if limit == "dmt" and contact.body is not None:
+            raise InputError("law: dmt; is for a half space, jkr also for layers")
         samples = np.sort(self.minimiser.samples.samples)
         middle = float(np.mean(self.minimiser.curve.piezo[samples[: max(3, samples.size // 10)]]))
         start = State(contact, self.minimiser.stiffness)

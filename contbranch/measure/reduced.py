@@ -21,8 +21,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 from contbranch.arrays import Array
+from contbranch.contact.bodies import Body
 from contbranch.contact.contact import Contact, make
 from contbranch.contact.interaction_law import Interaction, terms_of
 from contbranch.contact.interactions import (
@@ -45,6 +47,7 @@ from contbranch.errors import InputError, ModelError
 from contbranch.models.choice import choose
 from contbranch.theory import maugis
 from contbranch.theory._dugdale import Zone
+from contbranch.theory.layer import Disc
 from contbranch.watch import check, over
 
 # Tabor coefficients between which curves are tabulated, and their ratio from one to the next.
@@ -61,6 +64,8 @@ APART = 0.08
 CORNERED = 2.0
 # Rows that are closer are one.
 CLOSE = 1e-9
+# Contact radii on a layer that are computed, between which the quotient by the half space is interpolated.
+LAYER_PLACES = 120
 # Accuracy of tabulated curves, and of those that are traced each time.
 ACCURACY, COARSE = 1e-6, 1e-5
 # Curves end at loads of this many R Δγ, or a power of it.
@@ -87,7 +92,7 @@ class Curve(NamedTuple):
 def tabulated(contact: Contact) -> bool:
     """Whether a contact's curve is interpolated or a closed form: a parabola with one law of two parameters."""
     law = contact.interaction
-    return isinstance(contact.tip, Parabola) and law is not None and type(law) in _SHAPES
+    return isinstance(contact.tip, Parabola) and law is not None and type(law) in _SHAPES and contact.body is None
 
 
 def curve_of(contact: Contact, largest: float, limit: str = "") -> Curve:
@@ -109,6 +114,8 @@ def curve_of(contact: Contact, largest: float, limit: str = "") -> Curve:
     """
     scales, law = contact.scales, contact.interaction
     top = TOP ** max(1, math.ceil(math.log(max(largest / scales.load, 1.0)) / math.log(TOP)))
+    if limit == "jkr" and contact.body is not None and law is not None:
+        return _bare(contact, largest, law.work_of_adhesion / contact.modulus)
     if limit:
         return _LIMITING[limit](top).scaled(scales.load, scales.normal)
     if law is None:
@@ -141,10 +148,14 @@ _FAR = 1e9
 _LIMITING: dict[str, Callable[[float], Curve]] = {"jkr": lru_cache(_jkr), "dmt": lru_cache(_dmt)}
 
 
-def _bare(contact: Contact, largest: float) -> Curve:
-    """A tip that nothing attracts, up to a load."""
+def _bare(contact: Contact, largest: float, work: float = 0.0) -> Curve:
+    """A tip that nothing attracts, or with JKR's adhesion on a layer, up to a load; `work`: of adhesion over E."""
     needed = max(largest / contact.modulus, 1e-300)
-    found = bare_curve(contact.axisymmetric_tip, 10.0 ** math.ceil(math.log10(needed)))
+    tip, top = contact.axisymmetric_tip, 10.0 ** math.ceil(math.log10(needed))
+    if contact.body is None:
+        found = bare_curve(tip, top)
+    else:
+        found = _adhering(layer_curve(tip, contact.body.scaled(1.0, contact.modulus), top), work)
     if found.load[-1] < needed:
         raise ModelError("the curve of the contact ends before the largest load, at the edge of the tip")
     return found.scaled(contact.modulus, 1.0)
@@ -170,6 +181,34 @@ def bare_curve(tip: Tip, largest: float) -> Curve:
         force, displacement = load(a), tip.transform(a)
     known = np.isfinite(force) & np.isfinite(displacement)
     return Curve(np.append(0.0, force[known]), np.append(-_FAR, displacement[known]))
+
+
+@lru_cache(maxsize=KEPT)
+def layer_curve(tip: Tip, body: Body, largest: float) -> Array:
+    """Contact radius, load, displacement of a tip on a layer, and what a unit of JKR's neck takes off either, (5, M).
+
+    Relative to the half space they are smooth.
+    """
+    ends = bare_curve(tip, largest)
+    most = float(tip.contact_radius(ends.displacement[-1]))  # a layer bears more load
+    places, a = (most * np.linspace(0.0, 1.0, count) for count in (LAYER_PLACES, PLACES[1]))
+
+    def half_space(a: Array) -> Array:
+        depth = tip.transform(a)
+        return np.array([2.0 * (a * depth - tip.transform_integral(a)), depth, 2.0 * a, np.ones_like(a)])
+
+    discs = [Disc(tip, body, one) for one in places[1:].tolist()]
+    found = np.array([[disc.load, disc.displacement, disc.stiffness, 1.0] for disc in discs]).T
+    found[2:] /= [disc.unit_at_rim for disc in discs]
+    ratios = np.column_stack([np.ones(4), found / half_space(places[1:])])
+    return np.vstack([a, scipy.interpolate.CubicSpline(places, ratios, axis=1)(a) * half_space(a)])
+
+
+def _adhering(table: Array, work: float) -> Curve:
+    """The curve of a layer with a work of adhesion over E."""
+    a, load, displacement, less_load, less = table
+    neck = np.sqrt(2.0 * math.pi * a * work)
+    return Curve(np.append(0.0, load - neck * less_load), np.append(-_FAR, displacement - neck * less))
 
 
 def _maugis(tabor: float, top: float) -> Curve:
@@ -327,7 +366,8 @@ def _traced(contact: Contact, largest: float) -> Curve:
     scales, reduced = contact.scales, contact.to_reduced()
     top = 10.0 ** math.ceil(math.log10(max(largest / scales.load, 10.0)))
     laws = sum(map(_rounded, terms_of(reduced.interaction))) or None
-    return _reduced(Contact(_rounded(reduced.tip), laws), top).scaled(scales.load, scales.normal)
+    body = reduced.body and _rounded(reduced.body)
+    return _reduced(Contact(_rounded(reduced.tip), laws, body=body), top).scaled(scales.load, scales.normal)
 
 
 @lru_cache(maxsize=KEPT)
@@ -358,7 +398,7 @@ def _track(contact: Contact, accuracy: float, top: float) -> Track:
         model, _ = choose(contact, "auto")
         problem = getattr(model, "problem", None)
         if problem is None:
-            raise InputError("contact: a tip without axial symmetry; force curves are fitted by axisymmetric models")
+            raise InputError("contact: needs a grid; force curves are fitted by axisymmetric models, on layers by jkr")
         track = trace(problem(contact, accuracy), Request(accuracy, target=top, modes=0))
     except ModelError as error:
         raise ModelError(f"the curve of the contact could not be traced: {error}") from error

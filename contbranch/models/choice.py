@@ -68,7 +68,9 @@ def _smallest(contact: Contact) -> tuple[Model | Lattice, str]:
     if not contact.tip.is_axisymmetric:
         return FreeSpace(), "The tip has no axial symmetry: a grid, in free space."
     if Exact().obstacle(contact) is None:
-        return Exact(), "A parabola with Maugis-Dugdale attraction is known in closed form."
+        return Exact(), Exact().reason(contact)
+    if contact.body is not None:
+        return FreeSpace(), "A layered body with an interaction: a grid, in free space."
     obstacle = Axisymmetric().obstacle(contact)
     if obstacle is not None:
         raise InputError(f"model: {Axisymmetric.name} does not represent this contact: {obstacle}")

@@ -28,6 +28,8 @@ class Axisymmetric:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
+        if contact.body is not None:
+            return "a layered body needs a grid, and without interaction the model exact"
         steps = [law.work_of_adhesion for law in terms_of(contact.interaction) if isinstance(law, MaugisDugdale)]
         if steps and min(steps) < 0.0 < max(steps):
             return "maugis-dugdale laws that attract and such that repel cannot be added"

@@ -30,6 +30,7 @@ import numpy as np
 import scipy
 
 from contbranch.arrays import Array
+from contbranch.contact.bodies import Body
 
 from .transforms import Counter, Transform, orders
 
@@ -40,12 +41,14 @@ Kind = Literal["periodic", "free"]
 # Σ over the periodic images of a point force on a square lattice of edge 1, less the mean: minus the Madelung constant
 # of a square lattice of charges in a neutralising plane (Bonsall & Maradudin, Phys. Rev. B 15, 1959, 1977).
 IMAGE_SUM = 3.900264920001955
+# The least compliance of a mean displacement, in units of the half space's.
+RIGID = 1e-9
 # D over the diagonal of the cell: beyond 1, so that the disc does not end within the rectangle.
 CUT = 1.5
 
 
 @lru_cache(maxsize=8)
-def _free_compliance(edges: tuple[float, float], shape: tuple[int, int]) -> Array:
+def _free_compliance(edges: tuple[float, float], shape: tuple[int, int], body: Body | None = None) -> Array:
     """Ŝ of the kernel that ends with the rectangle, at q = π/L times whole numbers from 0 to N, (N + 1, M + 1)."""
     reach = CUT * math.hypot(*edges)
     spacings = [edge / nodes for edge, nodes in zip(edges, shape, strict=True)]
@@ -56,6 +59,9 @@ def _free_compliance(edges: tuple[float, float], shape: tuple[int, int]) -> Arra
     disc = 2.0 / q * scipy.special.itj0y0((reach * q).ravel())[0].reshape(q.shape)
     disc[0, 0] = 2.0 * reach
     kernel = scipy.fft.dctn(disc, type=1)[: shape[0] + 1, : shape[1] + 1] / (4.0 * math.prod(halves))
+    if body is not None:
+        x, y = (step * np.arange(count + 1.0) for step, count in zip(spacings, shape, strict=True))
+        kernel += math.prod(spacings) * body.added(np.hypot(x[:, None], y))
     return np.asarray(scipy.fft.dctn(kernel, type=1))
 
 
@@ -75,12 +81,15 @@ class Lattice:
         N and M; even where `quarter`.
     quarter : bool
         Whether fields are symmetric about both middle lines, and only the quarter with x, y > 0 is kept.
+    body : Body or None
+        A layered body in place of the half space.
     """
 
     kind: Kind
     edges: tuple[float, float]
     nodes: tuple[int, int]
     quarter: bool = True
+    body: Body | None = None
 
     @property
     def spacings(self) -> tuple[float, float]:
@@ -138,10 +147,16 @@ class Lattice:
     def compliance(self) -> float:
         """C of d = C F - mean(u)."""
         if self.kind == "free":
-            return float(_free_compliance(self.edges, self.nodes)[0, 0]) / self.area
+            return float(_free_compliance(self.edges, self.nodes, self.body)[0, 0]) / self.area
         if self.line:
-            return 2.0 * math.log(2.0 * math.pi) / (math.pi * self.edges[self.nodes.index(1)])
-        return IMAGE_SUM / (math.pi * math.sqrt(math.prod(self.edges)))
+            half_space = 2.0 * math.log(2.0 * math.pi) / (math.pi * self.edges[self.nodes.index(1)])
+        else:
+            half_space = IMAGE_SUM / (math.pi * math.sqrt(math.prod(self.edges)))
+        if self.body is None:
+            return half_space
+        # An incompressible layer on a rigid base has no mean displacement: as good as none.
+        own = self.body.far * half_space + 2.0 * self.body.mean * self.body.thickness / self.area
+        return max(own, RIGID * half_space)
 
     @cached_property
     def axes(self) -> tuple[Array, Array]:
@@ -169,9 +184,12 @@ class Lattice:
         if self.kind == "periodic":
             # From whole numbers where edges are equal, so that a quarter and the whole lattice have the same digits.
             ratio = self.edges[0] / self.edges[1]
-            return np.asarray(np.pi / self.edges[0] * np.sqrt(numbers[0] ** 2 + (ratio * numbers[1]) ** 2))
+            half = np.asarray(np.pi / self.edges[0] * np.sqrt(numbers[0] ** 2 + (ratio * numbers[1]) ** 2))
+            if self.body is not None:
+                half[half > 0.0] /= self.body.response(2.0 * self.body.thickness * half[half > 0.0])
+            return half
         rows, columns = (np.abs(order).astype(int) for order in numbers)
-        stiffness: Array = 1.0 / _free_compliance(self.edges, self.nodes)[rows, columns]
+        stiffness: Array = 1.0 / _free_compliance(self.edges, self.nodes, self.body)[rows, columns]
         stiffness[(rows == 0) & (columns == 0)] = 0.0
         return stiffness
 

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["FreeSpace", "Periodic"]
 
+# Spacings of nodes that a layer has in free space at least, where its response is taken at the nodes.
+THINNEST = 2.0
+
 
 @dataclass(frozen=True)
 class _Cell:
@@ -92,6 +95,11 @@ class _Cell:
 
                 cell, grid = chosen_size(contact, self.name, (cell, grid), (field, value), accuracy)
             edges, nodes = (cell, cell), (grid, grid)
+        body, spacing = contact.body, max(edge / count for edge, count in zip(edges, nodes, strict=True))
+        if self.name == "free" and body is not None and body.thickness < THINNEST * spacing:
+            raise InputError(
+                f"model: free; the layer is thinner than {THINNEST:g} spacings of its nodes: use model='periodic'"
+            )
         from .setup import Setup
 
         found = Setup(contact, self.name, edges, nodes, threads=self.threads, units=self.units)

@@ -63,7 +63,7 @@ class Setup:
     @cached_property
     def lattice(self) -> Lattice:
         """The lattice."""
-        return Lattice(self.kind, self.edges, self.nodes, self.quarter)
+        return Lattice(self.kind, self.edges, self.nodes, self.quarter, self.contact.body)
 
     @cached_property
     def problem(self) -> GridProblem:

@@ -102,7 +102,7 @@ def _radius_at(contact: Contact, height: float) -> float:
 
 def _extent(contact: Contact, field: str | None, value: float | None) -> tuple[float, float]:
     """Largest displacement, and smallest radius of contact at a fold, of the axisymmetric model or its likeness."""
-    likeness = contact if contact.tip.is_axisymmetric else replace(contact, tip=Parabola(1.0))
+    likeness = replace(contact, body=None, tip=contact.tip if contact.tip.is_axisymmetric else Parabola(1.0))
     if field is not None and value is not None:
         states, _ = relatives(contact, field, value)
         if states:

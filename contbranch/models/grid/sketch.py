@@ -37,10 +37,10 @@ def relatives(contact: Contact, field: str, value: float) -> tuple[list[State], 
     own : bool
         Whether they are of this contact, not of a parabola in place of its tip.
     """
-    own = contact.tip.is_axisymmetric
+    own = contact.tip.is_axisymmetric and contact.body is None
     if isinstance(contact.tip, HeightMap):
         return [], False
-    likeness = contact if own else replace(contact, tip=Parabola(1.0))
+    likeness = replace(contact, body=None, tip=contact.tip if contact.tip.is_axisymmetric else Parabola(1.0))
     try:
         return list(FollowedCurves(likeness, Axisymmetric()).solve(Request(1e-5), field, value).states), own
     except (InputError, ModelError):
