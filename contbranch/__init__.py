@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         WavySphere as WavySphere,
     )
     from contbranch.control import Spring as Spring
+    from contbranch.curve.activation import activated as activated
     from contbranch.curve.follow import follow as follow
     from contbranch.errors import InputError as InputError, ModelError as ModelError, Stop as Stop
     from contbranch.measure.fit import fit as fit
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from contbranch.models.grid.model import FreeSpace as FreeSpace, Periodic as Periodic
     from contbranch.models.grid.resolution import GridWarning as GridWarning
     from contbranch.output.hdf5 import load as load
+    from contbranch.results.activated import Activated as Activated, ActivatedJump as ActivatedJump
     from contbranch.results.advice import Advice as Advice, Candidate as Candidate
     from contbranch.results.diagram import (
         Branch as Branch,
@@ -96,8 +98,10 @@ __getattr__, __dir__, __all__ = lazily(
         ".control": "Spring",
         ".errors": "InputError ModelError Stop",
         ".advice": "advise",
+        ".results.activated": "Activated ActivatedJump",
         ".results.advice": "Advice Candidate",
         ".api": "find_all hysteresis phase_diagram solve trace",
+        ".curve.activation": "activated",
         ".curve.follow": "follow",
         ".measure.fit": "fit",
         ".measure.maps": "fit_map",

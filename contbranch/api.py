@@ -225,21 +225,31 @@ def find_all(
         asked = _ask(contact, control or field, accuracy, model)
         search = partial(asked.curves.find_all, asked.request, field, value / contact.scales.of_fields[field], inside)
         found = asked.answer(search, Coexisting())
-        equilibria = _found(asked, found, field)
+        equilibria = _found(asked, found, field, value)
     return watch.passed(equilibria)
 
 
-def _found(asked: _Asked, found: Coexisting, field: str) -> Equilibria:
+def _lowest_barrier(number: int, barriers: Sequence[Barrier]) -> float | None:
+    """The lowest barrier of a state; None without any, as of unstable ones."""
+    own = [height for one in barriers for k, height in zip(one.stable, one.heights, strict=True) if k == number]
+    return min((height for height in own if height is not None), default=None)
+
+
+def _found(asked: _Asked, found: Coexisting, field: str, value: float) -> Equilibria:
     """The states found, in the contact's units."""
     normal = asked.contact.scales.normal
     states = tuple(state_in_units(asked.contact, state) for state in found.states)
     stable = sum(state.stable(asked.control) for state in states)
     known = number_of(len(states), "equilibrium", "equilibria") + " found so far" * over()
     words = f"{known} in the window, {stable} stable under {asked.control.kind} control"
+    barriers: tuple[Barrier, ...] = ()
+    if asked.control.kind == field:
+        barriers = _barriers(states, found.connected, asked.control, value if field == "load" else math.inf)
+        states = tuple(replace(state, barrier=_lowest_barrier(k, barriers)) for k, state in enumerate(states))
     return Equilibria(
         states=states,
         connected=found.connected,
-        barriers=_barriers(states, found.connected, asked.control) if asked.control.kind == field else (),
+        barriers=barriers,
         window=(found.window[0] * normal, found.window[1] * normal),
         **asked.held(),
         **asked.about(found, f"{words}; {found.searched}. {found.message}".strip()),
@@ -565,11 +575,20 @@ def _apart(state: State, near: State) -> float:
     return math.hypot(*(getattr(state, name) - getattr(near, name) for name in OBSERVABLES))
 
 
-def _barriers(states: Sequence[State], connected: Sequence[bool], control: Control) -> tuple[Barrier, ...]:
+def _barriers(states: Sequence[State], connected: Sequence[bool], control: Control, load: float) -> tuple[Barrier, ...]:
     """Barriers between consecutive stable states of the curve, all at one value of the control, with one saddle between
-    them."""
+    them, and that to infinite separation under a load that does not press.
+    """
     on_curve = [k for k, joined in enumerate(connected) if joined]
     found = []
+    if control.kind == "load" and load <= 0.0 and on_curve:  # far away the load is next to nothing
+        outermost = [states[k].unstable(control) for k in on_curve[:2]]
+        energies = [control.height(load, states[k]) for k in on_curve[:2]]
+        if outermost == [1, 0]:
+            height = energies[0] - energies[1]
+            found.append(Barrier((on_curve[1], None), on_curve[0], (height, None), "detachment"))
+        elif outermost[0] == 0 and load == 0.0 and energies[0] < 0.0:
+            found.append(Barrier((on_curve[0], None), None, (-energies[0], None), "detachment"))
     for own in zip(on_curve, on_curve[1:], on_curve[2:], strict=False):
         if [states[k].unstable(control) for k in own] == [0, 1, 0]:
             first, top, last = (control.height(control.of(states[k]), states[k]) for k in own)

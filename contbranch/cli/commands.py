@@ -47,6 +47,9 @@ _OPTIONS = {
     "--all": ("", "Report all equilibria found, not only one."),
     "--event": ("NAME", "Name of a fold under --control, or touch."),
     "--vary": ("NAME=FROM:TO", "Parameter to vary, for example tabor=0.25:4."),
+    "--temperature": ("T", "Such as '298 K'."),
+    "--rate": ("R", "Of what is controlled, such as '100 nN/s' or '1 um/s'."),
+    "--attempt-frequency": ("NU", "Such as '1 MHz'."),
     "--uncertainty": ("NAME=X", "Of a parameter: adds those of the thresholds; may be given several times."),
     "--free": (
         "NAMES",
@@ -288,6 +291,41 @@ def _show(asked: Values) -> Result:
     return load(asked.source)
 
 
+def _activated(asked: Values) -> Any:
+    """Say at which load or position jumps happen at a temperature, from a saved trace."""
+    from contbranch.curve.activation import activated
+    from contbranch.output.hdf5 import load
+    from contbranch.results.diagram import Diagram
+
+    diagram = load(asked.source)
+    if not isinstance(diagram, Diagram):
+        raise InputError(f"FILE.h5: '{asked.source}' holds a {type(diagram).__name__}; save a trace with -o")
+    names = ("temperature", "rate", "attempt_frequency")
+    for name in names:
+        if getattr(asked, name) is None:
+            raise InputError(f"--{name.replace('_', '-')}: missing; write for example {_ACTIVATED[name]}")
+    numbers = {name: _bare(getattr(asked, name)) for name in names}
+    try:
+        return activated(diagram, event=asked.event, **numbers)
+    except InputError as error:
+        raise InputError(f"--{str(error).replace('attempt_frequency', 'attempt-frequency', 1)}") from None
+
+
+_ACTIVATED = {
+    "temperature": "--temperature '298 K'",
+    "rate": "--rate '100 nN/s'",
+    "attempt_frequency": "--attempt-frequency '1 MHz'",
+}
+
+
+def _bare(text: str) -> float | str:
+    """A number without a unit as one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def _advise(asked: Values) -> Any:
     """Say which model or theory is enough for the folds of a contact, and what it would take."""
     request = _request(asked)
@@ -323,6 +361,11 @@ COMMANDS = {
     "solve": Command(_solve, (*_SHARED, "--load", "--displacement", "--all", *_OUTPUTS)),
     "loop": Command(_loop, (*_SHARED, "--max-load", "--method", "--steps", "--file", *_OUTPUTS)),
     "follow": Command(_follow, (*_SHARED, "--event", "--vary", "--max-load", *_OUTPUTS)),
+    "activated": Command(
+        _activated,
+        ("--temperature", "--rate", "--attempt-frequency", "--event", "--json", "--csv", "--plot", "-o --output"),
+        ("FILE.h5", "What trace saved by -o."),
+    ),
     "advise": Command(_advise, (*_SHARED[:5], "--json")),
     "sweep": Command(
         _sweep,

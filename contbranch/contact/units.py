@@ -31,6 +31,9 @@ _DIMENSIONS: dict[str, tuple[str, str, str]] = {
     "potential": ("mV", "mV", "'-50 mV'"),
     "charge per area": ("mC/m²", "mC/m**2", "'5 mC/m^2'"),
     "concentration": ("mol/L", "mol/L", "'1 mM'"),
+    "force rate": ("nN/s", "nN/s", "'100 nN/s'"),
+    "speed": ("nm/s", "nm/s", "'1 um/s'"),
+    "frequency": ("1/s", "1/s", "'1 MHz'"),
     "temperature": ("K", "kelvin", "'298 K'"),
     "dimensionless": ("", "dimensionless", "0.5"),
 }

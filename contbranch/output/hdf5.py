@@ -26,6 +26,7 @@ from contbranch.contact.text import as_path
 from contbranch.errors import InputError, ModelError, warned
 from contbranch.output import files
 from contbranch.output.sweep_file import is_sweep, load_sweep, rebuilt, refuse_later
+from contbranch.results.activated import Activated, ActivatedJump
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import (
     PATIENCE as LONGEST,
@@ -70,7 +71,7 @@ Kind = TypeVar("Kind", bound=Record)
 Kept = TypeVar("Kept")
 
 # What can be read again, besides sweeps.
-_KINDS = (Diagram, Hysteresis, Followed, Equilibria, PhaseDiagram, Fit, Advice)
+_KINDS = (Diagram, Hysteresis, Followed, Equilibria, PhaseDiagram, Fit, Advice, Activated)
 # What of a diagram is not read as a document is.
 _APART = {"contact", "unit_names", "tip", "events", "mode_shapes", "local_exponents"}
 # What stands in a column of a table where there is no value: modes are counted from 1.
@@ -80,7 +81,7 @@ _PARTS: Values = {
     one.__name__: one
     for one in (
         *(Branch, State, ModelChoice, Cost, Event, Exponent, Window, LoopPath, Jump, Special, Followed, Part, Barrier),
-        *(Profile, CellFields, Correlations, FitJump, LawFit, Candidate),
+        *(ActivatedJump, Profile, CellFields, Correlations, FitJump, LawFit, Candidate),
     )
 }
 _ARRAYS: Values = {"Array": float, "Integers": np.int64}
@@ -160,7 +161,9 @@ def _point(state: State) -> Branch:
     return Branch(**found, profiles=() if state.profile is None else (state.profile,), cells=cells)
 
 
-def load(path: str | Path) -> Diagram | Hysteresis | Followed | Equilibria | PhaseDiagram | Fit | Advice | Sweep:
+def load(
+    path: str | Path,
+) -> Diagram | Hysteresis | Followed | Equilibria | PhaseDiagram | Fit | Advice | Activated | Sweep:
     """Read what `save` wrote: a diagram, loop, followed event, equilibria, phase diagram, fit, advice or sweep.
 
     The contact is None, with a warning, where it cannot be made again: a law or tip of the user's that is not imported.
@@ -401,7 +404,8 @@ def _made(kind: type[Kind], content: Mapping[str, Any], tip: h5py.Group | None =
                 inner, value, {"contact": content.get("contact"), "unit_names": content.get("unit_names", {})}
             )
         elif (plain := re.match(r"tuple\[(bool|int|float|str)\b", said)) and value is not None:
-            value = tuple(_PLAIN[plain[1]](one) for one in value)
+            blank = "None" in said  # written as NaN
+            value = tuple(None if blank and one != one else _PLAIN[plain[1]](one) for one in value)
         elif (one := _ARRAYS.get(said.removesuffix(" | None"))) is not None and value is not None:
             value = np.asarray(value, one)
         if name in content or "None" in said:

@@ -19,6 +19,7 @@ from contbranch.results.table import quantity, with_unit
 from contbranch.watch import Progress
 
 if TYPE_CHECKING:  # a result that is shown has been imported
+    from contbranch.results.activated import Activated
     from contbranch.results.advice import Advice
     from contbranch.results.diagram import Diagram, Event, State
     from contbranch.results.equilibria import Equilibria
@@ -172,9 +173,18 @@ def _phase(phase: PhaseDiagram, units: UnitNames) -> Parts:
 def _equilibria(found: Equilibria, units: UnitNames) -> Parts:
     yield _states(found.states, units)
     if found.barriers:
-        rows = [[f"{one.stable}", f"{one.saddle}", *map("{:.6g}".format, one.heights)] for one in found.barriers]
+        rows = [
+            [f"{one.name or one.stable}", f"{one.saddle}", *(f"{x:.6g}" if x is not None else "–" for x in one.heights)]
+            for one in found.barriers
+        ]
         heights = (with_unit(f"height from the {one}", units.get("energy", "")) for one in ("first", "second"))
         yield Cells(["barrier between states (from 0)", "over", *heights], rows)
+
+
+def _activated(found: Activated, units: UnitNames) -> Parts:
+    unit = units.get(found.quantity, "")
+    rows = [[jump.name, *(f"{value:.6g}" for value in (jump.fold, jump.mean, jump.std))] for jump in found.jumps]
+    yield Cells(["jump", *(with_unit(name, unit) for name in ("fold", "mean", "standard deviation"))], rows)
 
 
 def _advice(advice: Advice, units: UnitNames) -> Parts:
@@ -254,6 +264,7 @@ def _fit(fit: Fit, _: UnitNames) -> Parts:
 
 
 _SHOWN: Mapping[str, Callable[[Any, UnitNames], Parts]] = {
+    "Activated": _activated,
     "Advice": _advice,
     "Diagram": _diagram,
     "Fit": _fit,

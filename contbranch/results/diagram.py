@@ -76,6 +76,8 @@ class State(Record):
         They do not depend on the control. Modes up to m = 32 are counted (a trace: up to its `modes`).
     mean_gap : float or None
         Mean of the gap over the cell, of grid models.
+    barrier : float or None
+        The lowest barrier around a stable state, of `find_all`; None if it is unstable, or none is known.
     cell_energy : float or None
         Energy of a periodic cell by itself. `displacement` is that of the far field of a single contact, C F more than
         that of the cell's mean plane, and `energy` C F²/2 more than that of the cell (C: `docs/grid.md`).
@@ -97,6 +99,7 @@ class State(Record):
     unstable_azimuthal: int = 0
     mean_gap: float | None = described(written="if known", default=None)
     cell_energy: float | None = described(written="if known", default=None)
+    barrier: float | None = described(unit="energy", written="if known", default=None)
     in_cell: CellFields | Callable[[], CellFields] | None = described(
         written=False, computed=lambda state: None if state.in_cell is None else state.cell, default=None
     )

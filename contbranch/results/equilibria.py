@@ -22,17 +22,20 @@ class Barrier(Record):
 
     Attributes
     ----------
-    stable : (int, int)
-        Numbers of the two states in `Equilibria.states`.
-    saddle : int
-        Number of the state between them, which has one unstable direction.
-    heights : (float, float)
+    stable : (int, int or None)
+        Numbers of the two states in `Equilibria.states`; None: infinite separation, under a load that pulls.
+    saddle : int or None
+        Number of the state between them, which has one unstable direction; None: at infinite separation without load.
+    heights : (float, float or None)
         Energy of contact and drive at the saddle minus that at either state.
+    name : str or None
+        ``"detachment"`` of the one to infinite separation.
     """
 
-    stable: tuple[int, int]
-    saddle: int
-    heights: tuple[float, float]
+    stable: tuple[int, int | None]
+    saddle: int | None
+    heights: tuple[float, float | None]
+    name: str | None = None
 
 
 @record
