@@ -9,6 +9,7 @@ from contbranch._lazy import lazily
 
 TYPE_CHECKING = False  # of `typing`, which takes as long to import as everything else here
 if TYPE_CHECKING:
+    from contbranch.activation import activated as activated
     from contbranch.advice import advise as advise
     from contbranch.api import (
         find_all as find_all,
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
         WavySphere as WavySphere,
     )
     from contbranch.control import Spring as Spring
-    from contbranch.curve.activation import activated as activated
     from contbranch.curve.follow import follow as follow
     from contbranch.errors import InputError as InputError, ModelError as ModelError, Stop as Stop
     from contbranch.measure.fit import fit as fit
@@ -101,7 +101,7 @@ __getattr__, __dir__, __all__ = lazily(
         ".results.activated": "Activated ActivatedJump",
         ".results.advice": "Advice Candidate",
         ".api": "find_all hysteresis phase_diagram solve trace",
-        ".curve.activation": "activated",
+        ".activation": "activated",
         ".curve.follow": "follow",
         ".measure.fit": "fit",
         ".measure.maps": "fit_map",

@@ -180,8 +180,10 @@ def measured(body, work, stiffness=50.0, noise=2e-4, seed=1):
     """A force curve (nm, nN) of a bead of 2.5 µm on something of 1 kPa."""
     a = np.linspace(1.0, 1200.0, 300)
     load, depth = curve(cb.Parabola(2500.0), a, body, modulus=1e-6, work_of_adhesion=work)
-    tip = np.concatenate([np.linspace(-3000.0, float(depth[0]), 200), depth])
-    force = np.concatenate([np.zeros(200), load]) + noise * np.random.default_rng(seed).normal(size=500)
+    load, depth = load[depth > 0.0], depth[depth > 0.0]  # after the jump into contact
+    tip = np.concatenate([np.linspace(-3000.0, 0.0, 200), depth])
+    force = np.concatenate([np.zeros(200), load])
+    force = force + noise * np.random.default_rng(seed).normal(size=force.size)
     return cb.ForceCurve(piezo=tip + force / (stiffness * 1e-3), force=force, spring=f"{stiffness} mN/m")
 
 
@@ -192,3 +194,22 @@ def test_the_modulus_of_a_thin_layer():
     assert fit.values["modulus"] == pytest.approx(1e-6, rel=0.01)
     half = cb.fit(measured(body, 0.0), cb.Contact.physical(modulus="3 kPa", radius="2.5 um"), free=("modulus",))
     assert half.values["modulus"] > 1.6e-6
+
+
+def test_jkr_on_a_thin_layer():
+    body = cb.ElasticLayer(3000.0, 0.5)
+    contact = cb.Contact.physical(
+        modulus="3 kPa",
+        radius="2.5 um",
+        interaction="maugis-dugdale",
+        work_of_adhesion="5 uN/m",
+        range="5 nm",
+        body=body,
+    )
+    fit = cb.fit(measured(body, 1e-5), contact, free=("modulus", "work_of_adhesion"), law="jkr", fixed=("tilt",))
+    assert fit.values["modulus"] == pytest.approx(1e-6, rel=0.02)
+    assert fit.values["work_of_adhesion"] == pytest.approx(1e-5, rel=0.05)
+    with pytest.raises(cb.ModelError, match="jkr"):
+        cb.fit(measured(body, 1e-5), contact, free=("modulus",))
+    with pytest.raises(cb.InputError, match="dmt"):
+        cb.fit(measured(body, 1e-5), contact, free=("modulus",), law="dmt")

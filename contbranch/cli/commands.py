@@ -293,7 +293,7 @@ def _show(asked: Values) -> Result:
 
 def _activated(asked: Values) -> Any:
     """Say at which load or position jumps happen at a temperature, from a saved trace."""
-    from contbranch.curve.activation import activated
+    from contbranch.activation import activated
     from contbranch.output.hdf5 import load
     from contbranch.results.diagram import Diagram
 

@@ -17,6 +17,7 @@ __all__ = ["fold_name", "number_layers", "signs_of", "threshold_events"]
 # Folds at which a control has a maximum along the curve, and a minimum.
 MAXIMA, MINIMA = ("squeeze-out", "jump-in"), ("wetting", "pull-off")
 ATTRACTIVE = (MAXIMA[1], MINIMA[1])
+NAMES = ("pull-off", "jump-in", "squeeze-out", "wetting")
 # Thresholds by the control whose folds they are: the end of the name, and the quantity.
 THRESHOLDS = {
     "load": {"load": "load", "radius": "contact_radius"},
@@ -84,6 +85,22 @@ def number_layers(
     return numbered
 
 
+def tell_apart(
+    names: Sequence[str | None], controls: Sequence[str | None], values: Sequence[tuple[float, float]]
+) -> list[str | None]:
+    """Names of folds of which several are alike: the outermost has the name, others a number, ``pull-off-2``, ….
+
+    `values` are the loads and displacements. Outermost is the one that counts as threshold.
+    """
+    found = list(names)
+    for name, control in {(name, control) for name, control in zip(names, controls, strict=True) if name in NAMES}:
+        alike = [k for k, pair in enumerate(zip(names, controls, strict=True)) if pair == (name, control)]
+        alike.sort(key=lambda k: values[k][control != "load"], reverse=name == "squeeze-out")
+        for number, k in enumerate(alike[1:], start=2):
+            found[k] = f"{name}-{number}"
+    return found
+
+
 def threshold_events(events: Sequence[Event], repulsive: bool) -> dict[str, tuple[Event, str]]:
     """Named loads, displacements and radii: the event and its quantity by the threshold's name, where it exists.
 
@@ -94,7 +111,7 @@ def threshold_events(events: Sequence[Event], repulsive: bool) -> dict[str, tupl
     found: dict[str, tuple[Event, str]] = {}
     folds = [event for event in events if event.kind == "fold" and event.name]
     for control, quantities in THRESHOLDS.items():
-        for name in ("pull-off", "jump-in", "squeeze-out", "wetting"):
+        for name in NAMES:
             named = [e for e in folds if e.control == control and e.name and e.name.rstrip("-0123456789") == name]
             if not named or (control == "load" and name == "jump-in"):
                 continue

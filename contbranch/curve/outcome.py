@@ -17,7 +17,7 @@ from contbranch.contact.tips import Parabola
 from contbranch.contact.units import Scales
 from contbranch.continuation import CorrectionError
 from contbranch.control import Control, Spring, as_control
-from contbranch.curve.naming import fold_name, number_layers, signs_of, threshold_events
+from contbranch.curve.naming import fold_name, number_layers, signs_of, tell_apart, threshold_events
 from contbranch.curve.problem import equilibrium
 from contbranch.curve.refine import Found
 from contbranch.errors import InputError
@@ -216,7 +216,9 @@ def fold_names(contact: Contact, events: Sequence[RawEvent]) -> list[str | None]
         if raw.kind == "fold" and name is None and raw.stable and not artefact:
             name = fold_name(signs, raw.control, raw.numbers[0], raw.maximum)
         names.append(name)
-    return number_layers(names, [raw.control for raw in events], contact.interaction)
+    controls = [raw.control for raw in events]
+    numbered = number_layers(names, controls, contact.interaction)
+    return tell_apart(numbered, controls, [(raw.numbers[0], raw.numbers[1]) for raw in events])
 
 
 def _event(contact: Contact, raw: RawEvent, name: str | None, branch: int, model: str) -> Event:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contbranch as cb
-from contbranch.curve.naming import fold_name, number_layers, signs_of, threshold_events
+from contbranch.curve.naming import fold_name, number_layers, signs_of, tell_apart, threshold_events
 from contbranch.results.diagram import Event
 
 ATTRACTION, REPULSION = cb.Exponential(1.0, 1.0), cb.Gauss(-2.0, 1.0)
@@ -73,6 +73,14 @@ def test_layers_are_numbered_from_the_wall():
     assert number_layers(names, controls, REPULSION) == names
     events = [fold("load", "squeeze-out-2", 1.0), fold("load", "squeeze-out-1", 2.0)]
     assert thresholds(events)["squeeze_out_load"] == 2.0
+
+
+def test_folds_of_one_kind_are_told_apart():
+    names = ["pull-off", "squeeze-out", "pull-off", None, "pull-off", "squeeze-out", "pull-off"]
+    controls = ["load", "load", "displacement", "load", "load", "load", "load"]
+    values = [(-3.0, 0.0), (2.0, 0.0), (0.0, -1.0), (0.0, 0.0), (-5.0, 0.0), (4.0, 0.0), (-4.0, 0.0)]
+    told = ["pull-off-3", "squeeze-out-2", "pull-off", None, "pull-off", "squeeze-out", "pull-off-2"]
+    assert tell_apart(names, controls, values) == told
 
 
 def test_folds_between_unstable_parts_have_no_name():
