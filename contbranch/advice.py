@@ -16,7 +16,7 @@ from contbranch.contact.tips import Parabola
 from contbranch.contact.units import finite_number
 from contbranch.control import LOAD, Control, Spring, as_control
 from contbranch.errors import InputError
-from contbranch.models.choice import choose
+from contbranch.models.choice import choose, on_grid
 from contbranch.models.exact.model import Exact
 from contbranch.results.advice import Advice, Candidate
 from contbranch.results.diagram import Cost, Diagram, ModelChoice
@@ -72,7 +72,7 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
     model, why = choose(checked(contact))
     reduced = contact.to_reduced()
     truth = None
-    if contact.tip.is_axisymmetric:
+    if not on_grid(model):
         coarse = min(max(SHARE * accuracy, FINE), COARSE)
         for tolerance in (coarse, SHARE**2 * coarse):  # what coarse meshes cannot settle, finer ones may
             truth = trace(reduced, _kinds(held)[0], tolerance, modes=0, time_limit=PATIENCE)
@@ -87,7 +87,7 @@ def advise(contact: Contact, accuracy: float = 0.01, control: str | Spring = "lo
     candidates.sort(key=lambda one: one.seconds)
     chosen, reason = _choice(candidates, accuracy, truth)
     note, unknowns, cost = (
-        "The tip has no axial symmetry: there is no cheap truth to judge theories by.",
+        "The contact needs a grid: there is no cheap truth to judge theories by.",
         0,
         Cost(0.0, 0),
     )
@@ -169,12 +169,12 @@ def _errors(found: Thresholds, wanted: Judged) -> dict[str, float | None]:
 
 
 def _work(contact: Contact) -> float:
-    """The net work of adhesion."""
-    return 0.0 if contact.interaction is None else contact.interaction.net_adhesion
+    """The net work of adhesion on a half space; 0 on a layered body, of which the theories know nothing."""
+    return 0.0 if contact.interaction is None or contact.body is not None else contact.interaction.net_adhesion
 
 
 def _hertz(contact: Contact, _: Control) -> Thresholds | None:
-    return {} if contact.interaction is None else None
+    return {} if contact.interaction is None and contact.body is None else None
 
 
 def _dmt(contact: Contact, _: Control) -> Thresholds | None:

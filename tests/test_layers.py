@@ -175,6 +175,14 @@ def test_what_no_model_has():
             cb.ElasticLayer(*arguments)
 
 
+def test_advice_for_layers():
+    layer = cb.ElasticLayer(0.5, 0.3)
+    assert cb.advise(cb.Contact(PARABOLA, body=layer)).chosen == "exact"
+    advice = cb.advise(cb.Contact(PARABOLA, cb.Exponential(1.0, 0.5), body=layer), 0.05)
+    assert advice.chosen in ("free", "periodic")
+    assert "JKR" not in str(advice)
+
+
 # -- force curves -----------------------------------------------------------------------------------------------------
 def measured(body, work, stiffness=50.0, noise=2e-4, seed=1):
     """A force curve (nm, nN) of a bead of 2.5 µm on something of 1 kPa."""
