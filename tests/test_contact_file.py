@@ -331,7 +331,7 @@ WRONG = {
         r"^interaction.z0: not known; must be one of work_of_adhesion, range",
     ),
     "unknown key of the material": (_with("modulus", "module"), r"^material.module: not known; .*'modulus'"),
-    "unknown shape": (_with('"parabola"', '"sphere"'), r"^tip.shape: 'sphere'; must be one of .*'spherical-cap'\?"),
+    "unknown shape": (_with('"parabola"', '"sphere"'), r"^tip.shape: 'sphere'; must be one of .*'wavy-sphere'\?"),
     "unknown law": (_with('"gauss"', '"gaussian"'), r"^interaction.law: 'gaussian'; must be .* did you mean 'gauss'\?"),
     "law with underscores": (_with('"gauss"', '"van_der_waals"'), r"did you mean 'van-der-waals'\?"),
     "no shape": (_with('shape = "parabola"', ""), r"^tip.shape: missing; must be one of parabola"),

@@ -307,7 +307,7 @@ class Contact:
         """Return the same contact in reduced units: modulus, reference work and the tip's scale are 1."""
         scales = self.scales
         if (scales.in_plane, scales.normal, scales.modulus) == (1.0, 1.0, 1.0):
-            return replace(self, units=REDUCED)
+            return self if self.units == REDUCED else replace(self, units=REDUCED)
         law = self.interaction
         reduced = None if law is None else law.scaled(scales.normal, scales.energy_per_area)
         body = None if self.body is None else self.body.scaled(scales.in_plane, scales.modulus)

@@ -55,7 +55,7 @@ def numbers_of(contact: Contact) -> dict[str, Parameter]:
     for name, value in {} if body is None else body.parameters().items():
         if isinstance(value, float):
             made = partial(lambda value, own: replace(contact, body=with_number(body, own, value)), own=name)
-            found[f"material.{name}"] = Parameter(name, value, dimensions(type(body))[name], made)
+            found[name] = Parameter(name, value, dimensions(type(body))[name], made)
     return found
 
 

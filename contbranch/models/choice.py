@@ -69,9 +69,9 @@ def _smallest(contact: Contact) -> tuple[Model | Lattice, str]:
         return FreeSpace(), "The tip has no axial symmetry: a grid, in free space."
     if Exact().obstacle(contact) is None:
         return Exact(), Exact().reason(contact)
-    if contact.body is not None:
-        return FreeSpace(), "A layered body with an interaction: a grid, in free space."
     obstacle = Axisymmetric().obstacle(contact)
+    if obstacle is not None and contact.body is not None:
+        return FreeSpace(), f"A grid, in free space: {obstacle}."
     if obstacle is not None:
         raise InputError(f"model: {Axisymmetric.name} does not represent this contact: {obstacle}")
     return Axisymmetric(), "Tip and interaction are axisymmetric; elasticity is then local in the Abel transform."

@@ -56,10 +56,10 @@ def defect_error(equations: Equations, fields: Fields) -> Defect:
     step = -solve(residual)
     if magnitude(fields.stiffness) * mesh.end > STIFF:  # rounding in the matrix would rule
         step -= solve(residual + equations.multiplied(fields, step))
-    shift = float(equations.rim_row @ step)
+    shift = float(equations.rim_gradient(fields) @ step)
     displacement = fine_equations.displacement(fine) - equations.displacement(fields) + shift
     load = fine_equations.load(fine) - equations.load(fields)
-    load += 2 * (float(fields.rim.weights @ step) + fields.rim.radius * shift)
+    load += equations.load_change(fields, step)
     longer = fine_equations.mesh.nodes > mesh.end  # where h, carried over, is 0 and the residual all there is
     load -= 2 * float(fine.rim.weights[longer] @ fine.residual[longer])
     return Defect(load, displacement, magnitude(step))

@@ -92,7 +92,8 @@ class Fields:
     h: Array
     y: float
     rim: Rim
-    rim_value: float  # h(0)
+    raised: Array  # what the surface follows, h on a half space
+    rim_value: float  # of that, at tau = 0
     gaps: Array  # at the nodes and at the root edges
     gap: Array
     energy_density: Array
@@ -332,9 +333,9 @@ class Equations:
             if known.y == y and known.state is state:
                 return known
         rim, h = self.rim(y), state[: self.mesh.size]
-        rim_value = float(self.rim_row @ h)
+        raised, rim_value = self._raised(h, rim)
         shape, shape_slope = self._shape_gap(rim)
-        rise = rim.bent(h - rim_value) + shape
+        rise = rim.bent(raised - rim_value) + shape
         centre = self.rest if self.contact else self.wall - y
         gaps = rise + centre if centre else rise
         gap = gaps[: self.mesh.size]
@@ -342,10 +343,20 @@ class Equations:
         residual = h - self.mesh.abel_of(pressure)
         if len(self.resting):  # without the gaps' own rounding, which is that of the gap at the centre
             residual = np.append(residual, rise[self.resting] - (self._levels - centre))
-        fields = Fields(state, h, y, rim, rim_value, gaps, gap, energy, pressure, stiffness, residual, self._rests)
+        fields = Fields(
+            state, h, y, rim, raised, rim_value, gaps, gap, energy, pressure, stiffness, residual, self._rests
+        )
         fields.derived["shape_slope"] = shape_slope
         self._recent = [fields, *self._recent[: RECENT - 1]]
         return fields
+
+    def _raised(self, h: Array, rim: Rim) -> tuple[Array, float]:
+        """What the surface follows outside, and at the rim."""
+        return h, float(self.rim_row @ h)
+
+    def rim_gradient(self, fields: Fields) -> Array:
+        """Derivative of what the surface follows at the rim with respect to h, (N,)."""
+        return self.rim_row
 
     def _shape_gap(self, rim: Rim) -> tuple[Array, Array]:
         """The gap around a rim without interaction, and its slope (the last ones are kept)."""
@@ -422,7 +433,7 @@ class Equations:
         shape_slope: Array = fields.derived["shape_slope"]
         if fields.rim.radius < 1e-12:  # right-hand derivatives
             _, shape_slope = self.tip.shape_gap(self.mesh.targets, 1e-12)
-        return fields.rim.plane_slope(fields.h - fields.rim_value) * dc + shape_slope * da
+        return fields.rim.plane_slope(fields.raised - fields.rim_value) * dc + shape_slope * da
 
     def spread(self, fields: Fields, power: float) -> tuple[Array, Array]:
         """Rates of the gaps, (N + R,), and the residual with ln of the stretch of the mesh, h growing with its power.
@@ -502,13 +513,18 @@ class Equations:
             tip, d = self.tip, d + self.rest
             elastic += d * d * a - 2 * d * float(tip.transform_integral(np.float64(a)))
             elastic += float(tip.transform_square_integral(np.float64(a)))
+        return elastic + self._surface(fields) + beyond.energy
+
+    def _surface(self, fields: Fields) -> float:
+        """Energy of the interaction within the mesh."""
         if self.interaction is None:
-            return elastic
-        rho = self.mesh.nodes
-        surface = 2 * np.pi * float(self.mesh.weights @ (rho * fields.energy_density))
-        if a > 0:
-            surface += np.pi * a * a * self._touching
-        return elastic + surface + beyond.energy
+            return 0.0
+        surface = 2 * np.pi * float(self.mesh.weights @ (self.mesh.nodes * fields.energy_density))
+        return surface + np.pi * fields.rim.radius**2 * self._touching
+
+    def load_change(self, fields: Fields, step: Array) -> float:
+        """Change of the load within the mesh with h."""
+        return 2 * (float(fields.rim.weights @ step) + fields.rim.radius * float(self.rim_row @ step))
 
     def load_beyond(self, fields: Fields) -> Array:
         """Load of the interaction beyond each node, (N,), where the gap is the tip's own: ∫ p r dr = ∫ p (r/z') dg."""
@@ -707,7 +723,7 @@ class Equations:
         Where it is negative at the rim, tau = 0, the gap would close beside it, and the wall would have to pull within.
         """
         t = np.hypot(tau, fields.rim.radius)
-        return 2 * self._bend(fields.h, tau * tau) + self.tip.transform_derivative(t) / t
+        return 2 * self._bend(fields.raised, tau * tau) + self.tip.transform_derivative(t) / t
 
     @property
     def dish_places(self) -> Array:

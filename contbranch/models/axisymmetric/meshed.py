@@ -265,6 +265,8 @@ class MeshedContact(MovingContact):
 
     def fitting(self, x: Array, p: float) -> Motion | None:
         """With what the mesh is to move at a state: the present motion as long as it serves."""
+        if self.layered:
+            return None
         if self.mesh.roots and self.motion is not None:
             crushed = self.others and shortened(self.mesh, self.placed(x).mesh.edges) < RELAID
             return self.motion_at(x) if crushed else self.motion

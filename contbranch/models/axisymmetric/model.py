@@ -17,6 +17,10 @@ __all__ = ["Axisymmetric"]
 # show events that are none, and hide others.
 TRACE_TOLERANCE, COARSEST = 1e-6, 1e-5
 
+# Share of the energy per area out to which a law is felt, and how many thicknesses of a layer that may be: the layer's
+# response is resolved as far.
+FELT, THINNEST = 1e-6, 60.0
+
 
 @dataclass(frozen=True)
 class Axisymmetric:
@@ -28,9 +32,16 @@ class Axisymmetric:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
-        if contact.body is not None:
-            return "a layered body needs a grid, and without interaction the model exact"
+        if contact.body is not None and contact.interaction is None:
+            return "a tip on a layered body without interaction is one of the model exact"
         steps = [law.work_of_adhesion for law in terms_of(contact.interaction) if isinstance(law, MaugisDugdale)]
+        if contact.body is not None and contact.interaction is not None:
+            if steps:
+                return "a law whose pressure jumps needs a grid on a layered body"
+            reach = contact.axisymmetric_tip.radius_at(contact.interaction.reach(FELT))
+            if reach > THINNEST * contact.body.thickness:
+                thicknesses = f"{reach / contact.body.thickness:.3g} thicknesses"
+                return f"the interaction reaches out to {thicknesses} of the layer, which needs a grid"
         if steps and min(steps) < 0.0 < max(steps):
             return "maugis-dugdale laws that attract and such that repel cannot be added"
         return None

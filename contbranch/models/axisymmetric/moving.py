@@ -17,6 +17,7 @@ from contbranch.curve.problem import Defect, EquilibriumProblem, Work
 
 from .breakpoints import AstrayError, Breakpoint, EdgeRow, Motion, Row, moved_with
 from .equations import RECENT, Equations, Fields
+from .layered import LayeredEquations
 
 __all__ = ["MovingContact", "Resolution", "order_for"]
 
@@ -308,6 +309,11 @@ class MovingContact(EquilibriumProblem):
         However small, a ring of contact then comes before the disc, whose own slope at first touch means nothing.
         """
         return self.equations.tip.apex_exponent > 2.0
+
+    @property
+    def layered(self) -> bool:
+        """Whether the body is layered: lengths of its own do not stretch with the mesh."""
+        return isinstance(self.equations, LayeredEquations)
 
     @property
     def kinked(self) -> bool:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,7 @@ from .breakpoints import Row
 from .changes import begun, born, narrowness, positions, problem_of, vanished
 from .equations import ContactCoordinate, Equations, felt
 from .law import BandedLaw
+from .layered import LayeredEquations
 from .laying import Functions, laid_edges, led_by
 from .layout import Region
 from .mesh import mesh_on
@@ -133,7 +135,9 @@ def _begun(resolution: Resolution, contact: Contact, edges: Array, touching: boo
     coordinate = ContactCoordinate(tip, min(tip.apex_exponent, 2.0))
     scale = 1.0 if law is None else min(term.range for term in law.terms)
     around, mesh = (Region(False, BandedLaw(law).outermost),), mesh_on(edges, resolution.order)
-    return ContactProblem(Equations(tip, law, mesh, coordinate, touching, around), scale, resolution)
+    own = tip, law, mesh, coordinate, touching, around
+    equations = Equations(*own) if contact.body is None else LayeredEquations(*own, body=contact.body)
+    return ContactProblem(equations, scale, resolution)
 
 
 @dataclass(eq=False, repr=False)
@@ -315,6 +319,8 @@ class ContactProblem(MeshedContact):
             If the curve is not found again with free boundaries.
         """
         last = points[-1]
+        if self.layered and name in ("inadmissible", "narrow"):
+            return None  # rings are those of a half space
         if name == "inadmissible":
             return born(points)
         if name == "narrow":
@@ -375,7 +381,8 @@ class ContactProblem(MeshedContact):
 
     def displaced(self, x: Array, p: float) -> tuple[Array, float]:
         """The derivatives of the displacement, as far as the mesh gives it."""
-        row = self.equations.rim_row, self.rates(x, p, np.zeros(x.size), 1.0).displacement
+        equations, fields = self.seen(x, p)
+        row = equations.rim_gradient(fields), self.rates(x, p, np.zeros(x.size), 1.0).displacement
         if self.motion is None:
             return row
         return np.append(row[0] * self.growth(x), np.zeros(x.size - self.mesh.size)), row[1]
@@ -598,7 +605,7 @@ class ContactProblem(MeshedContact):
 
         Where an axisymmetric one is and the pressure jumps they are not known.
         """
-        if unstable and self.equations.steps:
+        if unstable and (self.equations.steps or self.layered):
             return None
         return counted(*self.seen(x, p), unstable, limit, near) if unstable else Count()
 
@@ -623,12 +630,14 @@ class ContactProblem(MeshedContact):
 
     def search(self, points: Sequence[Point]) -> Search | None:
         """On one mesh, from rows and undeformed states; without interaction there is nothing to find."""
-        if self.equations.interaction is None or self.mesh.roots:
+        if self.equations.interaction is None or self.mesh.roots or self.layered:
             return None
         return search_from(self, points)
 
     def relaxed(self, fold: Point, control: Control, direction: int, others: Sequence[Point]) -> int | None:
         """Followed with a viscous half space, see `relaxation`."""
+        if self.layered:
+            return None
         states = [Functions(*problem_of(point).seen(point.x, point.parameter)) for point in (fold, *others)]
         return Release(states[0], self.scale, control, direction).nearest(states[1:])
 
@@ -647,8 +656,9 @@ class ContactProblem(MeshedContact):
         if tolerance is not None:
             resolution = Resolution(tolerance, order_for(tolerance), work=self.work)
         coordinate = ContactCoordinate(tip, old.coordinate.power)
-        equations = Equations(tip, contact.interaction, old.mesh, coordinate, old.contact, old.regions, old.level)
-        return replace(self, equations=equations, resolution=resolution)
+        changed: dict[str, Any] = {"tip": tip, "interaction": contact.interaction, "coordinate": coordinate}
+        changed |= {} if contact.body is None else {"body": contact.body}
+        return replace(self, equations=replace(old, **changed), resolution=resolution)
 
     def resists(self, x: Array) -> bool:
         """Whether the film at first touch is so stiff that a contact has a kink of its own, or the pressure jumps."""
