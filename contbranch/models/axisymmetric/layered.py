@@ -21,6 +21,7 @@ import numpy as np
 from contbranch.arrays import Array
 from contbranch.contact.bodies import END, Body
 from contbranch.theory.layer import NODES, WAVES
+from contbranch.watch import check
 
 from .equations import NOTHING, Equations, Fields, _Beyond
 from .rim import Rim
@@ -98,6 +99,7 @@ class LayeredEquations(Equations):
         return kept[rim.radius]
 
     def _made(self, rim: Rim) -> _Plate:
+        check()
         (q, share), mesh, a = self._waves, self.mesh, rim.radius
         outer, at_rim = np.cos(np.multiply.outer(np.hypot(a, mesh.nodes), q)), np.cos(a * q)
         by_outer = share[:, None] * (outer * rim.weights[:, None]).T

@@ -17,9 +17,9 @@ __all__ = ["Axisymmetric"]
 # show events that are none, and hide others.
 TRACE_TOLERANCE, COARSEST = 1e-6, 1e-5
 
-# Share of the energy per area out to which a law is felt, and how many thicknesses of a layer that may be: the layer's
-# response is resolved as far.
-FELT, THINNEST = 1e-6, 60.0
+# Share of the energy per area out to which curves begin, and how many thicknesses of a layer that may be: the layer's
+# response is resolved as far, and takes a minute from there on.
+FELT, THINNEST = 1e-9, 30.0
 
 
 @dataclass(frozen=True)
