@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
 
 import contbranch as cb
 from contbranch.contact.file import read_contact
@@ -65,21 +66,19 @@ def test_response_of_a_frictionless_layer():
 
 
 @pytest.mark.parametrize("tip", [PARABOLA, cb.Cone(0.5), cb.WavySphere(1.0, 0.002, 0.3)], ids=str)
-def test_pressure_gap_and_energy_of_a_disc(tip):
-    body, radius, step = cb.ElasticLayer(0.4, 0.45), 0.5, 1e-4
-    disc, less, more = (Disc(tip, body, radius + k * step) for k in (0, -1, 1))
-    assert disc.rates[0] == pytest.approx((more.load - less.load) / (2 * step), rel=1e-6)
-    assert disc.rates[1] == pytest.approx((more.displacement - less.displacement) / (2 * step), rel=1e-6)
+def test_energy_and_pressure_without_interaction(tip):
+    body, step = cb.ElasticLayer(0.4, 0.45), 1e-4
+    less, disc, more = (Disc(tip, body, 0.5 + k * step) for k in (-1, 0, 1))
     work = (more.energy - less.energy) / (more.displacement - less.displacement)
     assert work == pytest.approx(disc.load, rel=1e-6)
-    angle, weights = np.polynomial.legendre.leggauss(60)
-    angle = math.pi / 4 * (angle + 1)
-    r = radius * np.sin(angle)
-    load = 2 * math.pi * math.pi / 4 * (weights * disc.pressure(r) * r * radius * np.cos(angle)).sum()
-    assert load == pytest.approx(disc.load, rel=2e-4)
-    gap = disc.gap(radius * np.array([1.0, 1.0 + 1e-6, 1.5, 3.0]))
-    assert gap[0] == pytest.approx(0.0, abs=1e-12)
-    assert (np.diff(gap) > 0.0).all()
+    state = cb.solve(cb.Contact(tip, body=body), contact_radius=0.5)
+    assert state.energy == pytest.approx(disc.energy, rel=1e-9)
+    inside = state.r < 0.5
+    assert np.allclose(state.gap[inside], 0.0)
+    assert (np.diff(state.gap[~inside]) > 0.0).all()
+    angle = np.arcsin(np.minimum(state.r[inside] / 0.5, 1.0))
+    share = CubicSpline(angle, state.pressure[inside] * 0.25 * np.sin(2 * angle))
+    assert math.pi * float(share.integrate(0.0, math.pi / 2)) == pytest.approx(disc.load, rel=5e-3)
 
 
 def test_what_a_layer_adds_to_a_point_force():
@@ -95,7 +94,7 @@ def test_what_a_layer_adds_to_a_point_force():
 def test_trace_and_solve_without_interaction():
     contact = cb.Contact(PARABOLA, body=cb.ElasticLayer(0.5, 0.5))
     diagram = cb.trace(contact, max_load=2.0)
-    assert (diagram.status, diagram.model.kind) == ("complete", "exact")
+    assert diagram.status == "complete"
     branch = diagram.branches[0]
     touching = branch.contact_radius > 0
     load, depth = curve(PARABOLA, branch.contact_radius[touching], contact.body)
@@ -250,7 +249,7 @@ def test_the_thickness_may_vary(adhesive):
 
 def test_advice_for_layers():
     layer = cb.ElasticLayer(0.5, 0.3)
-    assert cb.advise(cb.Contact(PARABOLA, body=layer)).chosen == "exact"
+    assert cb.advise(cb.Contact(PARABOLA, body=layer)).chosen == "axisymmetric"
     advice = cb.advise(cb.Contact(PARABOLA, cb.Exponential(1.0, 0.5), body=layer), 0.05)
     assert advice.chosen in ("free", "periodic", "axisymmetric")
     assert "JKR" not in str(advice)

@@ -155,3 +155,25 @@ def test_a_wavy_sphere_in_a_short_range_follows_jkr():
         assert diagram.status == "complete"
         errors.append(abs(diagram.thresholds["pull_off_load"] / theory - 1))
     assert errors[1] < 0.4 * errors[0] < 0.02
+
+
+def test_jkr_of_a_flat_punch_is_the_limit_of_powers():
+    """F = √(8πEwa³) of a punch of radius a, which r^n becomes."""
+    (fold,) = jkr.folds(cb.PowerLaw(400.0, 1.0), np.linspace(0.9, 1.1, 2000), modulus=2.0, work_of_adhesion=0.5)
+    assert float(fold.load) == pytest.approx(-math.sqrt(8 * math.pi * 2.0 * 0.5), rel=0.02)
+
+
+def test_jkr_of_a_cone_with_a_round_end_is_fitted():
+    tip = cb.Hyperboloid(0.7, 30.0)
+    a = np.linspace(1.0, 400.0, 600)
+    load, depth = jkr.curve(tip, a, modulus=1e-3, work_of_adhesion=2e-3)
+    load, depth = load[depth > 0.0], depth[depth > 0.0]
+    force = np.concatenate([np.zeros(200), load]) + 2e-3 * np.random.default_rng(1).normal(size=200 + load.size)
+    position = np.concatenate([np.linspace(-500.0, 0.0, 200), depth])
+    curve = cb.ForceCurve(piezo=position + force / 0.05, force=force, spring="50 mN/m")
+    contact = cb.Contact.physical(
+        modulus="2 MPa", tip=tip, interaction="maugis-dugdale", work_of_adhesion="1 mN/m", range="1 nm"
+    )
+    fit = cb.fit(curve, contact, free=("modulus", "work_of_adhesion"), law="jkr", fixed=("tilt",))
+    assert fit.values["modulus"] == pytest.approx(1e-3, rel=0.02)
+    assert fit.values["work_of_adhesion"] == pytest.approx(2e-3, rel=0.05)

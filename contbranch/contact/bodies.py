@@ -55,18 +55,21 @@ class Body:
         """Return S(x), x = qH, of any shape, where the layer's effective modulus is 1."""
         raise NotImplementedError(f"{type(self).__name__} must define response(x)")
 
+    def waves(self, reach: float) -> tuple[Array, Array]:
+        """Return wavenumbers q and weights (S - 1) dq of integrals over q that resolve cos(qt) up to a distance t."""
+        x, w = np.polynomial.legendre.leggauss(WAVES[0] + math.ceil(WAVES[1] * reach / self.thickness))
+        half = 0.5 * END / self.thickness
+        return half * (x + 1.0), half * w * (self.response(0.5 * END * (x + 1.0)) - 1.0)
+
     def added(self, r: Array) -> Array:
         """Return what the layer adds to 1/(πr), the displacement at a distance from a unit point force, for E = 1.
 
         (1/π) ∫_0^∞ (S(qH) - 1) J0(qr) dq, which is smooth.
         """
-        places = np.linspace(0.0, 1.0, PLACES) ** 2 * float(r.max()) / self.thickness
-        x, w = np.polynomial.legendre.leggauss(WAVES[0] + math.ceil(WAVES[1] * places[-1]))
-        q = 0.5 * END * (x + 1.0)
-        values = scipy.special.j0(np.multiply.outer(places, q)) @ (0.5 * END * w * (self.response(q) - 1.0))
-        return np.asarray(
-            scipy.interpolate.CubicSpline(places, values)(r / self.thickness) / (math.pi * self.thickness)
-        )
+        places = np.linspace(0.0, 1.0, PLACES) ** 2 * float(r.max())
+        q, weights = self.waves(float(places[-1]))
+        values = scipy.special.j0(np.multiply.outer(places, q)) @ weights
+        return np.asarray(scipy.interpolate.CubicSpline(places, values)(r) / math.pi)
 
     @cached_property
     def far(self) -> float:

@@ -268,10 +268,8 @@ class _Fitting:
             known = (law for law in INTERACTIONS if law not in ("tabulated", "double-layer"))
             look_up(name, dict.fromkeys((*known, *LIMITS, "compare")), "law")
             contact = _with_law(contact, "maugis-dugdale" if limit else name)
-        if limit and not isinstance(contact.tip, Parabola):
-            raise InputError(f"law: {limit}; is for a parabola")
-        if limit == "dmt" and contact.body is not None:
-            raise InputError("law: dmt; is for a half space, jkr also for layers")
+        if limit == "dmt" and (contact.body is not None or not isinstance(contact.tip, Parabola)):
+            raise InputError("law: dmt; is for a parabola on a half space, jkr for every axisymmetric tip and layers")
         samples = np.sort(self.minimiser.samples.samples)
         middle = float(np.mean(self.minimiser.curve.piezo[samples[: max(3, samples.size // 10)]]))
         start = State(contact, self.minimiser.stiffness)

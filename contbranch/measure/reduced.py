@@ -66,6 +66,8 @@ CORNERED = 2.0
 CLOSE = 1e-9
 # Contact radii on a layer that are computed, between which the quotient by the half space is interpolated.
 LAYER_PLACES = 120
+# Decades by which adhesion may be larger than the largest load.
+DECADES = 8
 # Accuracy of tabulated curves, and of those that are traced each time.
 ACCURACY, COARSE = 1e-6, 1e-5
 # Curves end at loads of this many R Δγ, or a power of it.
@@ -114,7 +116,7 @@ def curve_of(contact: Contact, largest: float, limit: str = "") -> Curve:
     """
     scales, law = contact.scales, contact.interaction
     top = TOP ** max(1, math.ceil(math.log(max(largest / scales.load, 1.0)) / math.log(TOP)))
-    if limit == "jkr" and contact.body is not None and law is not None:
+    if limit == "jkr" and law is not None and not (contact.body is None and isinstance(contact.tip, Parabola)):
         return _bare(contact, largest, law.work_of_adhesion / contact.modulus)
     if limit:
         return _LIMITING[limit](top).scaled(scales.load, scales.normal)
@@ -149,16 +151,21 @@ _LIMITING: dict[str, Callable[[float], Curve]] = {"jkr": lru_cache(_jkr), "dmt":
 
 
 def _bare(contact: Contact, largest: float, work: float = 0.0) -> Curve:
-    """A tip that nothing attracts, or with JKR's adhesion on a layer, up to a load; `work`: of adhesion over E."""
+    """A tip that nothing attracts, or with JKR's adhesion, up to a load; `work`: of adhesion over E."""
     needed = max(largest / contact.modulus, 1e-300)
-    tip, top = contact.axisymmetric_tip, 10.0 ** math.ceil(math.log10(needed))
-    if contact.body is None:
-        found = bare_curve(tip, top)
-    else:
-        found = _adhering(layer_curve(tip, contact.body.scaled(1.0, contact.modulus), top), work)
-    if found.load[-1] < needed:
-        raise ModelError("the curve of the contact ends before the largest load, at the edge of the tip")
-    return found.scaled(contact.modulus, 1.0)
+    tip, first = contact.axisymmetric_tip, math.ceil(math.log10(needed))
+    body = None if contact.body is None else contact.body.scaled(1.0, contact.modulus)
+    for power in range(first, first + (DECADES if work else 1)):  # adhesion takes some of the load
+        if body is not None:
+            found = _adhering(layer_curve(tip, body, 10.0**power), work)
+        elif work:
+            most = float(tip.contact_radius(bare_curve(tip, 10.0**power).displacement[-1]))
+            found = _adhering(_half_space(tip, most * np.linspace(0.0, 1.0, FINER * PLACES[1])), work)
+        else:
+            found = bare_curve(tip, 10.0**power)
+        if found.load[-1] >= needed:
+            return found.scaled(contact.modulus, 1.0)
+    raise ModelError("the curve of the contact ends before the largest load, at the edge of the tip")
 
 
 @lru_cache(maxsize=KEPT)
@@ -191,17 +198,18 @@ def layer_curve(tip: Tip, body: Body, largest: float) -> Array:
     """
     ends = bare_curve(tip, largest)
     most = float(tip.contact_radius(ends.displacement[-1]))  # a layer bears more load
-    places, a = (most * np.linspace(0.0, 1.0, count) for count in (LAYER_PLACES, PLACES[1]))
-
-    def half_space(a: Array) -> Array:
-        depth = tip.transform(a)
-        return np.array([2.0 * (a * depth - tip.transform_integral(a)), depth, 2.0 * a, np.ones_like(a)])
-
+    places, a = (most * np.linspace(0.0, 1.0, count) for count in (LAYER_PLACES, FINER * PLACES[1]))
     discs = [Disc(tip, body, one) for one in places[1:].tolist()]
     found = np.array([[disc.load, disc.displacement, disc.stiffness, 1.0] for disc in discs]).T
     found[2:] /= [disc.unit_at_rim for disc in discs]
-    ratios = np.column_stack([np.ones(4), found / half_space(places[1:])])
-    return np.vstack([a, scipy.interpolate.CubicSpline(places, ratios, axis=1)(a) * half_space(a)])
+    ratios = np.column_stack([np.ones(5), np.vstack([places[1:], found]) / _half_space(tip, places[1:])])
+    return scipy.interpolate.CubicSpline(places, ratios, axis=1)(a) * _half_space(tip, a)
+
+
+def _half_space(tip: Tip, a: Array) -> Array:
+    """The same of a half space in closed form."""
+    depth = tip.transform(a)
+    return np.array([a, 2.0 * (a * depth - tip.transform_integral(a)), depth, 2.0 * a, np.ones_like(a)])
 
 
 def _adhering(table: Array, work: float) -> Curve:

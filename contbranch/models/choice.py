@@ -68,7 +68,7 @@ def _smallest(contact: Contact) -> tuple[Model | Lattice, str]:
     if not contact.tip.is_axisymmetric:
         return FreeSpace(), "The tip has no axial symmetry: a grid, in free space."
     if Exact().obstacle(contact) is None:
-        return Exact(), Exact().reason(contact)
+        return Exact(), "A parabola with Maugis-Dugdale attraction is known in closed form."
     obstacle = Axisymmetric().obstacle(contact)
     if obstacle is not None and contact.body is not None:
         return FreeSpace(), f"A grid, in free space: {obstacle}."

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from contbranch.arrays import Array
-from contbranch.contact.bodies import END, Body
-from contbranch.theory.layer import NODES, WAVES
+from contbranch.contact.bodies import Body
+from contbranch.theory.layer import NODES
 from contbranch.watch import check
 
 from .equations import NOTHING, Equations, Fields, _Beyond
@@ -84,10 +84,8 @@ class LayeredEquations(Equations):
     @cached_property
     def _waves(self) -> tuple[Array, Array]:
         """Wavenumbers q and (2/π) (S - 1) dq that resolve cos(qt) out to the mesh's end."""
-        reach = 1.5 * float(self.mesh.end) / self.layer.thickness
-        x, w = np.polynomial.legendre.leggauss(WAVES[0] + math.ceil(WAVES[1] * reach))
-        q, thickness = 0.5 * END * (x + 1.0), self.layer.thickness
-        return q / thickness, END / (math.pi * thickness) * w * (self.layer.response(q) - 1.0)
+        q, shares = self.layer.waves(1.5 * float(self.mesh.end))
+        return q, (2.0 / math.pi) * shares
 
     def _plate(self, rim: Rim) -> _Plate:
         """The layer around a rim; the last ones are kept."""

@@ -32,8 +32,6 @@ class Axisymmetric:
         """Return why the model does not represent a contact, as the end of a sentence, or None if it does."""
         if not contact.tip.is_axisymmetric:
             return f"a tip of the shape {contact.tip.name or type(contact.tip).__name__} is not axisymmetric"
-        if contact.body is not None and contact.interaction is None:
-            return "a tip on a layered body without interaction is one of the model exact"
         steps = [law.work_of_adhesion for law in terms_of(contact.interaction) if isinstance(law, MaugisDugdale)]
         if contact.body is not None and contact.interaction is not None:
             if steps:

@@ -59,25 +59,39 @@ def zone_of(contact: Contact) -> Zone:
     return Zone(*map(np.asarray, (tip.radius, contact.modulus, law.work_of_adhesion, law.range)))
 
 
-class KnownProblem(EquilibriumProblem):
-    """Pieces of a curve of which load and displacement are known as functions of the parameter."""
+class ExactProblem(EquilibriumProblem):
+    """What the three pieces have in common.
+
+    Parameters
+    ----------
+    zone : Zone
+        The constants of the contact.
+    work : Work
+        What has been spent, counted by all pieces together.
+    """
 
     ordered = True
     complete_by = "all there are, by the closed form"
     # Every value is a sum of a few terms, each good to a few units in the last place.
     rounding = 8e-15
 
+    def __init__(self, zone: Zone, work: Work) -> None:
+        self.zone, self.work, work.unknowns = zone, work, 1
+        self.scale = float(zone.interaction_range)
+        self._constants = {name: getattr(zone, name) for name in CONSTANTS}
+
     @abstractmethod
-    def observed(self, p: float) -> Values:
-        """What is known."""
+    def curve(self, p: float) -> maugis.Curve:
+        """The closed form."""
 
     @abstractmethod
     def slopes(self, p: float) -> Rates:
         """Its derivatives with respect to p."""
 
     def state(self, p: float) -> Array:
-        """Load and displacement."""
-        return np.array(self.observed(p)[:2])
+        """Load and displacement of the closed form."""
+        curve = self.curve(p)
+        return np.array([float(curve.load), float(curve.displacement)])
 
     def residual(self, x: Array, p: float) -> Array:
         """How far load and displacement are from the closed form."""
@@ -101,50 +115,21 @@ class KnownProblem(EquilibriumProblem):
         return replace(STEPS, tolerance=LOOSE)
 
     def values(self, x: Array, p: float) -> Values:
-        """What is known."""
-        return self.observed(p)
+        """Of the closed form."""
+        load, displacement, contact_radius, _, _, central_gap, energy = (float(one) + 0.0 for one in self.curve(p))
+        return Values(load, displacement, contact_radius, central_gap, energy)
 
     def rates(self, x: Array, p: float, x_rate: Array, p_rate: float) -> Rates:
         """Of the closed form."""
         return Rates(*(p_rate * slope for slope in self.slopes(p)))
 
-    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count:
-        """None: the gap of a parabola under attraction grows with the radius, and more so where symmetry is broken."""
-        return Count()
-
-    def at(self, p: float) -> Point:
-        """The equilibrium of a parameter, with its tangent along the curve."""
-        return oriented(self, self.state(p), p, (np.zeros(2), 1.0))
-
-
-class ExactProblem(KnownProblem):
-    """What the three pieces have in common.
-
-    Parameters
-    ----------
-    zone : Zone
-        The constants of the contact.
-    work : Work
-        What has been spent, counted by all pieces together.
-    """
-
-    def __init__(self, zone: Zone, work: Work) -> None:
-        self.zone, self.work, work.unknowns = zone, work, 1
-        self.scale = float(zone.interaction_range)
-        self._constants = {name: getattr(zone, name) for name in CONSTANTS}
-
-    @abstractmethod
-    def curve(self, p: float) -> maugis.Curve:
-        """The closed form."""
-
-    def observed(self, p: float) -> Values:
-        """Of the closed form."""
-        load, displacement, contact_radius, _, _, central_gap, energy = (float(one) + 0.0 for one in self.curve(p))
-        return Values(load, displacement, contact_radius, central_gap, energy)
-
     def unstable(self, x: Array, p: float) -> int:
         """One where the displacement falls while the interaction spreads."""
         return int(self.slopes(p).displacement < 0.0)
+
+    def azimuthal(self, x: Array, p: float, unstable: int, limit: int = 32, near: Sequence[int] = ()) -> Count:
+        """None: the gap of a parabola under attraction grows with the radius, and more so where symmetry is broken."""
+        return Count()
 
     def profile(self, x: Array, p: float) -> Profile:
         """Gap and pressures on a grid graded towards the rims of contact and interaction."""
@@ -156,6 +141,10 @@ class ExactProblem(KnownProblem):
         r = np.unique(np.concatenate([inner, a + (c - a) * ease, c + (end - c) * outer]))
         total, wall = maugis.pressure(r, state, **self._constants)
         return Profile(r, maugis.gap(r, state, **self._constants), total, wall)
+
+    def at(self, p: float) -> Point:
+        """The equilibrium of a parameter, with its tangent along the curve."""
+        return oriented(self, self.state(p), p, (np.zeros(2), 1.0))
 
     def start(self, control: Control) -> Point:
         """Beyond the range, where no control feels the interaction."""
