@@ -520,7 +520,9 @@ class Equations:
         if self.interaction is None:
             return 0.0
         surface = 2 * np.pi * float(self.mesh.weights @ (self.mesh.nodes * fields.energy_density))
-        return surface + np.pi * fields.rim.radius**2 * self._touching
+        if fields.rim.radius > 0:  # a law may have no energy where the surfaces do not come to touch
+            surface += np.pi * fields.rim.radius**2 * self._touching
+        return surface
 
     def load_change(self, fields: Fields, step: Array) -> float:
         """Change of the load within the mesh with h."""
