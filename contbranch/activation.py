@@ -98,7 +98,7 @@ def activated(
             raise InputError(f"event: {event!r}; the curve has {', '.join(known) or 'none'}{nearest(event, known)}")
         folds = [one for one in folds if one.name == event]
     frequency = numbers["attempt_frequency"] / numbers["rate"]
-    found = []
+    found: list[ActivatedJump] = []
     for number, branch in enumerate(diagram.branches):
         own = [one for one in folds if one.branch == number]
         curve = _Curve.of(branch, control, own)
@@ -109,6 +109,7 @@ def activated(
             for jump, rough in zip(*jumps, strict=True)
             if jump is not None
         ]
+    complete = diagram.status == "complete"
     return Activated(
         jumps=tuple(found),
         control=kind,
@@ -119,9 +120,15 @@ def activated(
         stiffness=diagram.stiffness,
         contact=contact,
         unit_names=diagram.unit_names,
-        status=diagram.status,
-        message="" if diagram.status == "complete" else diagram.message,
+        status="complete" if complete and len(found) == len(folds) else "incomplete",
+        message=" ".join(filter(None, [_missing(folds, found), "" if complete else diagram.message])),
     )
+
+
+def _missing(folds: Sequence[Event], found: Sequence[ActivatedJump]) -> str:
+    """A sentence on the folds of which no barrier is known."""
+    names = sorted({str(one.name) for one in folds} - {jump.name for jump in found})
+    return f"The curve has too few states beside {', '.join(names)} for a barrier." if names else ""
 
 
 class _Arcs(NamedTuple):

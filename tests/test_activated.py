@@ -140,6 +140,15 @@ def test_what_cannot_be_used(diagrams):
     assert len(cb.activated(replace(diagrams["load"], events=()), "298 K", "1 nN/s", "1 MHz")) == 0
 
 
+def test_a_jump_without_a_barrier_is_named(diagrams):
+    whole = diagrams["load"]
+    (event,) = whole.folds("load")
+    bare = replace(whole, contact=None, events=(replace(event, position=float(len(whole.branches[0]) - 1)),))
+    found = cb.activated(bare, "298 K", "1 nN/s", "1 MHz")
+    assert (len(found), found.status) == (0, "incomplete")
+    assert "pull-off" in found.message
+
+
 def test_on_the_command_line(diagrams, tmp_path, capsys):
     diagrams["load"].save(tmp_path / "trace.h5")
     options = ["--temperature", "298 K", "--rate", "100 nN/s", "--attempt-frequency", "1 MHz"]

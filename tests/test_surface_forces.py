@@ -145,6 +145,14 @@ def test_equal_potentials_need_no_cutoff():
     assert np.allclose(scaled.evaluate(GAPS / 2.0).energy, expected / 1e-4, rtol=1e-12)
 
 
+def test_double_layers_are_for_physical_contacts():
+    law = cb.DoubleLayer(surface_potentials=(25.0, 25.0), debye_length=10.0)
+    with pytest.warns(UserWarning, match="mV and nm"):
+        cb.Contact(cb.Parabola(1.0), law)
+    contact = cb.Contact.physical(modulus="1 GPa", radius="1 um", interaction=law)
+    assert contact.to_reduced().interaction.in_nm is False
+
+
 @pytest.mark.parametrize(
     ("arguments", "field"),
     [

@@ -283,6 +283,7 @@ class DoubleLayer(Interaction):
     temperature: float = 298.15
     permittivity: float = 78.4
     cutoff: float = 0.0
+    in_nm: bool = field(init=False, repr=False, default=True)  # until it is scaled
     _terms: tuple[float, float, float, float] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -340,6 +341,12 @@ class DoubleLayer(Interaction):
         # Without a pole its term is left out: at a gap of 0 it would be 0 · ∞.
         f, slope, curvature = (a * one[0] + (b * one[1] if b else 0.0) for one in self._factors(np.asarray(x)))
         return f, slope, curvature
+
+    def scaled(self, normal: float, energy: float) -> Interaction:
+        """Return the law in other units; the numbers it is described by stay."""
+        law = super().scaled(normal, energy)
+        object.__setattr__(law, "in_nm", False)
+        return law
 
     @property
     def reference_work(self) -> float:

@@ -61,6 +61,9 @@ def warn_of_units(contact: Contact) -> None:
                 "tip: a unit of length makes the numbers of its map nm, and the contact has reduced units; make it "
                 "with cb.Contact.physical, or give the map cell= and unit= as numbers"
             )
+        for place, law in _named(contact):
+            if law is not contact.tip and getattr(law, "in_nm", False):
+                warned(f"{place}: its numbers are in mV and nm, the contact is in reduced units; use Contact.physical")
         return
     for name, part in _named(contact):
         for field, dimension in part.dimensions.items():
